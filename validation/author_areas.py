@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     config = replace(load_config(CONFIG), model=None)
-    service, rng = IkService(config, deploy(config)), np.random.default_rng(options.seed)
+    service, rng = IkService.of(config, deploy(config)), np.random.default_rng(options.seed)
     for name, area in areas().items():
         for part, points in parts(name, area, rng):
             for approach in (None, DOWN):

@@ -110,8 +110,10 @@ def measure(
             timing = _settled(motion, link.arm, plan, timing, speed)
         notice(*plan.notices)
         if goal is None and timing.pause:
-            least = _duration(timing.pause * len(plan.poses))
-            show(f"{len(plan.poses)} poses, at least {timing.pause:g} s each (--pause): {least} for all")
+            least = _duration(sum(max(timing.pause, pose.hold) for pose in plan.poses))
+            longer = sum(pose.hold > timing.pause for pose in plan.poses)
+            held = f", {longer} of them longer (hold_s)" if longer else ""
+            show(f"{len(plan.poses)} poses, at least {timing.pause:g} s each (--pause){held}: {least} for all")
         changer = load_changer(load_command)
         order = CampaignOrder(
             link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept, orientation

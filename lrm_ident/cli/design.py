@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,9 +21,10 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.advice import CandidateCause, advise
+from lrm_ident.design.advice import next_poses
 from lrm_ident.design.candidate_poses import (
-    DEFAULT_LEVELS,
+    ANY,
+    USUAL_LEVELS,
     ClearanceRules,
     clear_poses,
     floor_above_table,
@@ -34,14 +34,12 @@ from lrm_ident.design.candidate_poses import (
 from lrm_ident.design.installation import FEW
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
-from lrm_ident.design.pose_design import CandidateSet, DesignProblem, Indistinguishable, PoseDesign
-from lrm_ident.design.pose_design import design as run_design
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable, select_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
-from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.fitting.transfer import TransferredModel, transferred
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
 from lrm_ident.report.design import choice_document, design_document, elimination_document, pose_table
@@ -167,9 +165,9 @@ def design(
         str,
         Option(
             help="Angles to combine for each joint: how many, or which (deg): '5; joint2=-50,0,50; joint6=3'; or any: "
-            "random poses at any angles."
+            "random poses at any angles. Default: 5; any, where 5 cannot distinguish the effects of --separate."
         ),
-    ] = str(DEFAULT_LEVELS),
+    ] = "",
     loads_g: Annotated[str, Option(help="Loads at the tool, by commas. Every pose is offered with each load.")] = "0",
     repeats: Annotated[
         int | None,
@@ -216,7 +214,9 @@ def design(
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, _floor(floor_mm, the_arm, apart_mm * MM))
     session = None if camera is None else read_toml(camera, CameraSession)
     movable = the_arm if mounted is None else mounted.measured_arm
-    offer = _offer(movable, poses, levels, loads_g, rules, seed, session)
+    loads = _loads(loads_g)
+    tried = (None,) if poses is not None else (levels,) if levels else USUAL_LEVELS
+    offers = [partial(_offer, movable, poses, one, loads, rules, seed, session) for one in tried]
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
         raise LrmError("--separate raises determinants: it goes with --index O1 only")
@@ -236,7 +236,7 @@ def design(
         prior=None if mounted is None else mounted.covariance,
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
-        found = _designed(task, offer.poses, tick, pool)
+        offer, found = next_poses(task, offers, tick, pool)
     publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
     if floor_mm != "none":
         _say_floor(movable, found.poses.q, None if poses is not None else rules.floor)
@@ -245,19 +245,6 @@ def design(
         show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
     else:
         show("Not saved; give -o POSES.csv to keep it.")
-
-
-def _designed(task: DesignProblem, offered: Poses, tick: OnProgress, pool: Executor) -> PoseDesign:
-    """The design; where no choice of the poses offered tells the rivals apart, the advice which would. Raises
-    `LrmError`."""
-    try:
-        return run_design(task, offered, tick, pool)
-    except Indistinguishable as error:
-        model = task.model.with_free(task.keys or fittable(task.model))
-        causes = [CandidateCause.typical(effect, model.free) for effect in task.rivals]
-        advice = advise(model, causes, task.measured, task.noise, task.seed)
-        offer = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
-        raise LrmError(f"{error}. {advice.sentence}{offer}") from None
 
 
 @command
@@ -348,19 +335,24 @@ def _weights(camera: CameraSession | None, alike: Measurements | None, arm: Arm)
     return measured_alike(PLAIN if alike is None else alike.whitening)
 
 
+def _loads(text: str) -> list[float]:
+    """Loads (kg) of `--loads-g`. Raises `LrmError`."""
+    payloads = [load * GRAM for load in parse_numbers("--loads-g", text, "a list of loads in g such as 0,66.3")]
+    if min(payloads) < 0:
+        raise LrmError(f"--loads-g {text}: a negative load")
+    return payloads
+
+
 def _offer(
     arm: Arm,
     poses: Path | None,
-    levels: str,
-    loads: str,
+    levels: str | None,
+    payloads: Sequence[float],
     rules: ClearanceRules,
     seed: int,
     camera: CameraSession | None,
 ) -> CandidateSet:
     """The candidates: of a file, or all combinations that keep the rules, under every load."""
-    payloads = [load * GRAM for load in parse_numbers("--loads-g", loads, "a list of loads in g such as 0,66.3")]
-    if min(payloads) < 0:
-        raise LrmError(f"--loads-g {loads}: a negative load")
     if poses is not None:
         given = replace(read_poses(poses, arm), direction=None, number=None)
         words = f"{len(given)} poses of {poses.name}"
@@ -369,7 +361,7 @@ def _offer(
             words += f", {len(given)} of which show the board to the camera"
         return CandidateSet(Poses(given.q, given.payload), words, {})
     narrowed = None if camera is None else partial(_in_view, camera, arm)
-    return clear_poses(arm, parse_levels(arm, levels), payloads, rules, seed, narrowed)
+    return clear_poses(arm, parse_levels(arm, levels or ANY), payloads, rules, seed, narrowed)
 
 
 def _floor(text: str, arm: Arm, apart: float) -> float | None:

@@ -99,13 +99,13 @@ def add(
         study = identifiable(read)
         after = study.add(effect)
         notice(*after.notices[len(study.notices) :])
-        before, errors = after.errors_before, after.errors
+        before, errors, known = after.errors_before, after.errors, study.covariance
     if not force:
         check_replaces(output, len(after.file.history))
     after.save(output)
     show(f"Model written to {output}")
     files = str(output), str(data)
-    publish(step_document(effect, after.taken, before, errors, files), json, in_full=show_all)
+    publish(step_document(effect, after.taken, before, errors, known, files), json, in_full=show_all)
 
 
 @command

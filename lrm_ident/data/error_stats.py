@@ -8,6 +8,9 @@ import numpy as np
 
 from lrm_math.arrays import Array
 
+CHI3_MEDIAN = 1.5381724
+"""Median of the chi distribution with three degrees of freedom: of a distance whose axes have a deviation of 1."""
+
 
 @dataclass(frozen=True)
 class ErrorStats:

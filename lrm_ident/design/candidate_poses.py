@@ -30,6 +30,8 @@ NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never le
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
 ANY, MOST_DRAWS, RANDOM_CANDIDATES = "any", 40, 1000
 """Levels of joints that may stand anywhere; how often poses are drawn for that; how many are offered."""
+USUAL_LEVELS = (str(DEFAULT_LEVELS), ANY)
+"""Levels that are offered where nobody states any, one after the other until effects can be told apart."""
 Narrowing = Callable[[Array], tuple[Array, str]]
 """From angles (N, n) in rad to those that may be used, and words on them that follow those on the others."""
 

@@ -23,7 +23,7 @@ from lrm_math.effects import Effect
 from lrm_math.effects.base import Excitation
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium, with_borne_loads
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import TCP_ONLY, Sensed
 
@@ -87,7 +87,7 @@ def rival_columns(
         if not rows:
             why = "has nothing that is not fitted already; name effects that the model lacks"
             raise UnsuitableRival(effect.name, why)
-    found = differentiate_candidates(solve_equilibrium(model, poses), wanted, sensed)[1]
+    found = differentiate_candidates(solve_equilibrium(model, with_borne_loads(model, poses)), wanted, sensed)[1]
     each = sensed.rows(model.arm.dof)
     return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), each, -1) for candidate in found]
 
@@ -118,14 +118,18 @@ def discrimination_of(
 
 
 def _test(effect: Effect, others: Array, columns: Array, noise: float) -> Rival:
-    name, own = effect.name, _project_out(others, columns)
+    live = np.flatnonzero(columns.any(axis=0))  # a drift with temperature moves nothing where none is measured
+    name, columns = effect.name, columns[:, live]
+    own = _project_out(others, columns)
     rows, size = own.shape
+    if not size:
+        return Rival(name, (), TEST_LEVEL, None)
     freedom = rows - others.shape[1] - size
     values = np.linalg.svd(own, compute_uv=False) / noise
     if freedom < 1 or values[-1] <= ROUND_OFF * float(np.linalg.norm(columns)) / noise:
         return Rival(name, (), TEST_LEVEL, None)
     error = np.sqrt(np.diag(np.linalg.inv(own.T @ own))) * noise
-    free = [p for p in effect.parameters if p.fixed is None][:size]
+    free = [[p for p in effect.parameters if p.fixed is None][k] for k in live]
     errors = tuple((p.name, float(e * p.typical / p.si)) for p, e in zip(free, error, strict=True))
     noncentrality = float(values[-1] ** 2)
     detectable_size = float(np.sqrt(_required_noncentrality(size, freedom) / noncentrality))

@@ -1,23 +1,34 @@
 """Experiment design: the next poses to measure, D-optimal for parameters, Ds-optimal to discriminate rival effects.
 
-Fedorov 1972, Theory of Optimal Experiments; Atkinson & Donev 1992.
+Effects that follow time or what the arm bore before do not show at single poses. For these the order of the poses is
+random, and the arm holds half of the poses for a dwell time before the reading: the shortest one with which the rivals
+are expected to be told apart. Fedorov 1972, Theory of Optimal Experiments; Atkinson & Donev 1992.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.design.detmax import check_count, maximise_criterion
-from lrm_ident.design.discrimination import Discrimination, check_testable, discrimination_of, rival_columns
+from lrm_ident.design.discrimination import (
+    Discrimination,
+    UnsuitableRival,
+    check_testable,
+    discrimination_of,
+    rival_columns,
+)
+from lrm_ident.design.expected_lead import CandidateCause, CausePair, as_measured, expected, told_in_trials
 from lrm_ident.design.fisher_information import RankDeficient, Rows, whiten
 from lrm_ident.design.observability import MM_PER_M, Index, Observability, identification_jacobian, observability
 from lrm_ident.design.optimality import Criterion, DeterminantCriterion, criterion_of
+from lrm_ident.diagnosis.screening.candidates import unfitted_rows
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.fitting.identifiability import select_identifiable
 from lrm_ident.fitting.parameter_sets import fittable
@@ -34,6 +45,8 @@ from lrm_math.model.model import Model
 RANDOM_DRAWS, STARTS = 20, 4
 RIVAL_SHARE = 0.5  # of the criterion
 SIDE_POSES = 20  # at which to check whether the side of approach matters
+DWELLS_S = (0.0, 30.0, 120.0, 480.0)
+"""Dwell times that are tried, where a rival follows time: the shortest which tells the rivals apart is taken."""
 
 
 class Indistinguishable(LrmError):
@@ -66,6 +79,9 @@ class PoseDesign:
         observability: of the chosen poses alone; random_baseline: medians of as many random poses.
         before: expected from the poses measured already, None if there are none. after: with the new poses.
         random_after: the same with random poses: the median draw by detectable size of the rivals, or by `tcp`.
+        hold: (R,), how long the arm stands at each before it is measured (s), beside the usual pace.
+        pairs: expectation of every rival of the size that it is thought to have beside every other one. trials: how
+            many of `TRIALS` simulated measurements tell the first of two from the second, by their names.
     """
 
     poses: Poses
@@ -78,6 +94,19 @@ class PoseDesign:
     before: ExpectedAccuracy | None
     after: ExpectedAccuracy
     random_after: ExpectedAccuracy
+    hold: Array
+    pairs: tuple[CausePair, ...] = ()
+    trials: Mapping[tuple[str, str], int] = field(default_factory=dict)
+
+    @property
+    def told(self) -> bool:
+        """Whether every rival is expected to be told from every other one."""
+        return all(pair.told for pair in self.pairs)
+
+    @property
+    def dwell(self) -> float:
+        """How long the arm holds half of the poses (s); 0: none."""
+        return float(self.hold.max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +124,9 @@ class DesignProblem:
 
     Attributes:
         model: at whose parameters everything is linearised. keys: fitted parameters; None for all that are identifiable
-            at the candidates with this noise.
-        rivals: effects to discriminate. noise: m per axis. measured: poses measured already, or None.
+            at the candidates with this noise. Those of a rival that is fitted already are the rival's.
+        rivals: effects to discriminate. causes: as they are thought to be there; empty: of typical size.
+        noise: m per axis. measured: poses measured already, or None.
         repeats: how many of the poses to measure twice. first_number: of the first new pose.
         weights: with which poses will be measured; without a stated standard deviation: `noise`, the same for all.
         measured_weights: with which those that are measured already were; None: as the others will be.
@@ -116,6 +146,11 @@ class DesignProblem:
     weights: Callable[[Poses], Whitening] = lambda _: PLAIN
     measured_weights: Whitening | None = None
     prior: Covariance | None = None
+    causes: tuple[CandidateCause, ...] = ()
+
+    def likely(self, keys: Sequence[str]) -> tuple[CandidateCause, ...]:
+        """The rivals as they may be there, beside fitted parameters `keys`."""
+        return self.causes or tuple(CandidateCause.typical(effect, keys) for effect in self.rivals)
 
 
 Columns = list[Array]
@@ -132,32 +167,39 @@ def design(
         LrmError: an impossible number of poses, or rivals that cannot be tested or discriminated.
     """
     rng = np.random.default_rng(problem.seed)
-    if _side_matters(problem, candidates):
+    ordered = tuple(effect for effect in problem.rivals if "time" in effect.depends_on)
+    at_poses = replace(
+        problem,
+        rivals=tuple(effect for effect in problem.rivals if effect not in ordered),
+        keys=None if problem.keys is None else beside(problem, problem.keys),
+    )
+    if _side_matters(at_poses, candidates):
         sided = _distinct(_from_both_sides(problem.model.arm, candidates))
     else:  # random, so that other parameters do not absorb hysteresis
         sided = _sided(problem.model.arm, candidates, rng.choice([1.0, -1.0], len(candidates)))
     settled = solve_equilibrium(problem.model, sided)
     whitening = problem.weights(sided)
-    check_testable(settled, problem.rivals, whitening.sensed)
+    check_testable(settled, at_poses.rivals, whitening.sensed)
     noise = problem.noise if whitening.sd is None else whitening.unit
-    keys = problem.keys or select_identifiable(settled, fittable(problem.model), noise, whitening).kept
-    moved, measured = identification_jacobian(settled, keys), None
-    if problem.measured is not None:
-        own = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
-        measured = _weighted(problem, own, solve_equilibrium(problem.model, problem.measured), keys)
-    weighted = _weighted(problem, whitening, settled, keys)
+    every = select_identifiable(settled, fittable(problem.model), noise, whitening).kept
+    keys = beside(problem, every) if at_poses.keys is None else at_poses.keys
+    moved, weighted = identification_jacobian(settled, keys), _weighted(at_poses, whitening, settled, keys)
+    measured = _known(at_poses, keys, weighted)
     width, already = sum(part.shape[2] for part in weighted), 0 if problem.measured is None else len(problem.measured)
-    if problem.prior is not None:
-        measured = _with_prior(problem, problem.prior, weighted, measured)
-        already += len(keys)
+    already += 0 if problem.prior is None else len(keys)
     check_count(problem.count, len(sided), width, already, int(np.max(whitening.measured)))
-    criterion = _criterion(problem, weighted, measured)
+    criterion = _criterion(at_poses, weighted, measured)
     chosen = maximise_criterion(criterion, problem.count, STARTS, problem.seed, progress, executor).rows
     draws = [rng.choice(len(sided), problem.count, replace=False) for _ in range(RANDOM_DRAWS)]
     order, *random_orders = (_order(sided, rows, problem.repeats, rng) for rows in (chosen, *draws))
-    after, *random_after = (
-        _accuracy(problem, moved, _stack(weighted, rows, measured)) for rows in (order, *random_orders)
-    )
+    hold, pairs = _held(problem, keys, sided.take(order), rng if ordered else None)
+    if ordered:
+        turns = [_in_turn(problem, keys, sided.take(rows), hold) for rows in (order, *random_orders)]
+        measured = _known(problem, keys, turns[0])
+        sets = [_stack(turn, np.arange(len(order)), measured) for turn in turns]
+    else:
+        sets = [_stack(weighted, rows, measured) for rows in (order, *random_orders)]
+    after, *random_after = map(partial(_accuracy, problem, moved), sets)
     number = np.arange(problem.first_number, problem.first_number + len(order))
     first = {int(row): int(number[k]) for k, row in reversed(list(enumerate(order)))}
     return PoseDesign(
@@ -171,7 +213,74 @@ def design(
         before=None if measured is None else _accuracy(problem, moved, measured),
         after=after,
         random_after=sorted(random_after, key=_uncertainty)[RANDOM_DRAWS // 2],
+        hold=hold,
+        pairs=pairs,
     )
+
+
+def tried(problem: DesignProblem, found: PoseDesign) -> PoseDesign:
+    """The design, tried on simulated measurements of every rival."""
+    if len(problem.rivals) < 2:
+        return found
+    model, parts = problem.model.with_free(found.keys), _parts(problem, found.poses, found.hold)
+    trials = told_in_trials(model, problem.likely(found.keys), parts, problem.noise, problem.seed)
+    return replace(found, trials=trials)
+
+
+def beside(problem: DesignProblem, keys: Sequence[str]) -> tuple[str, ...]:
+    """Parameters to fit beside the rivals. Raises `UnsuitableRival`: a single rival that is fitted already."""
+    own = {effect.name: {*effect.keys} for effect in problem.rivals}
+    fitted = {name for name, rows in own.items() if rows & {*keys} and not _lacks(problem, name, keys)}
+    if fitted and len(own) == 1:
+        why = "has nothing that is not fitted already; name effects that the model lacks"
+        raise UnsuitableRival(next(iter(fitted)), why)
+    taken = {key for name in fitted for key in own[name]}
+    return tuple(key for key in keys if key not in taken)
+
+
+def _lacks(problem: DesignProblem, name: str, keys: Sequence[str]) -> bool:
+    """Whether something of a rival is not among the fitted `keys`."""
+    return any(unfitted_rows(effect, keys) for effect in problem.rivals if effect.name == name)
+
+
+def _known(problem: DesignProblem, keys: Sequence[str], columns: Columns) -> Columns | None:
+    """Columns of the poses measured already, and of the prior; None where there is neither."""
+    measured = None
+    if problem.measured is not None:
+        own = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
+        measured = _weighted(problem, own, solve_equilibrium(problem.model, problem.measured), keys)
+    return measured if problem.prior is None else _with_prior(problem, problem.prior, columns, measured)
+
+
+def _parts(problem: DesignProblem, poses: Poses, hold: Array | None) -> list[Poses]:
+    """All poses: those measured already, and those of a design as if they were measured after them."""
+    poses = as_measured(poses, problem.measured, hold)
+    return [poses] if problem.measured is None else [problem.measured, poses]
+
+
+def _held(
+    problem: DesignProblem, keys: Sequence[str], poses: Poses, rng: np.random.Generator | None
+) -> tuple[Array, tuple[CausePair, ...]]:
+    """How long to hold each of the poses, and the rivals in pairs as expected then: half of the poses for the shortest
+    of `DWELLS_S` that tells all of them apart, else for the best. `rng`: None where no rival follows time."""
+    model, causes, size = problem.model.with_free(keys), problem.likely(keys), len(poses)
+    held = np.zeros(size) if rng is None else rng.permutation(np.arange(size) % 2).astype(np.float64)
+    tries = []
+    for dwell in DWELLS_S if rng is not None else (0.0,):
+        hold = dwell * held
+        pairs = () if len(causes) < 2 else expected(model, causes, _parts(problem, poses, hold), problem.noise)
+        tries.append((hold, pairs))
+        if all(pair.told for pair in pairs):
+            return hold, pairs
+    return max(tries, key=lambda one: (sum(p.told for p in one[1]), min(p.lead for p in one[1])))
+
+
+def _in_turn(problem: DesignProblem, keys: Sequence[str], poses: Poses, hold: Array) -> Columns:
+    """Columns of poses as they are measured one after the other."""
+    settled = solve_equilibrium(problem.model, as_measured(poses, problem.measured, hold))
+    whitening = problem.weights(poses)
+    check_testable(settled, problem.rivals, whitening.sensed)
+    return _weighted(problem, whitening, settled, keys)
 
 
 def _from_both_sides(arm: Arm, poses: Poses) -> Poses:

@@ -21,9 +21,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.typical_prior import typical_prior
-from lrm_ident.residual.deployment.carried_states import with_carried_states
-from lrm_ident.residual.deployment.reverting_terms import with_reverting_terms
-from lrm_ident.residual.deployment.unmeasured_angles import with_unmeasured_angles
+from lrm_ident.residual.deployment.deployable import deployable
 from lrm_math.effects import Effect, Parameter, ParameterRef, effect_of
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import parameter_jacobian
@@ -65,7 +63,7 @@ def add_effects(
     for key, parameter, _ in _searched(effects, data):
         if parameter.unit == MOMENT:
             best = _fit_moment(best, data, key, loss)
-    return with_reverting_terms(with_unmeasured_angles(with_carried_states(best, data)), data)
+    return deployable(best, data)
 
 
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
@@ -84,7 +82,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
 def _to_fit(model: Model, data: Measurements, new: Sequence[str]) -> list[str]:
     """Keys to fit: the free ones, the `new` ones and those of the base; of free forms the coefficients that the poses
     can tell beside these. Raises `LrmError`: none of the new ones is among them."""
-    curves = {key for effect in model.effects if effect.variant_of for key in effect.keys}
+    curves = {key for effect in model.effects if effect.is_free_form for key in effect.keys}
     keys = list(dict.fromkeys([*model.free, *new, *_held_base_parameters(model)]))
     known = [key for key in keys if key not in curves or key in model.free]
     coefficients = [key for key in keys if key not in known]

@@ -8,17 +8,15 @@ as unexplained too, unless they are forms of effects that are there.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
-
-AttributionTerm = Literal["identified cause", "indistinguishable cause", "candidate cause", "empirical term"]
-"""What an added effect is, in the words that people and files read."""
+from lrm_math.model.model_file import AttributionTerm
 
 
 def term_of(kind: Support, equivalent: Collection[str]) -> AttributionTerm:
@@ -38,6 +36,22 @@ class StepAttribution:
     unexplained: float
 
 
+def support_of(explained: float, left: float, evidence: Evidence) -> Support:
+    """Support of an effect by the held-out mean squares that it took away and that stay unexplained, in one unit.
+
+    One that takes nothing away explains nothing: it shows no cause, however little stays.
+    """
+    if evidence.describes:
+        return Support.DESCRIPTION
+    shown = evidence.replicates and explained > 0.0 and left <= MAX_UNEXPLAINED_RATIO * explained
+    return Support.FINDING if shown else Support.POSSIBLE_CAUSE
+
+
+def unexplained_ratio(explained: float, left: float) -> float:
+    """Mean square that stays unexplained, per mean square that was taken away; infinite where none was."""
+    return left / explained if explained > 0.0 else math.inf
+
+
 def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tuple[StepAttribution, ...]:
     """Attributions of successive steps, of each the held-out mean square that it took away, and the evidence for it.
 
@@ -45,40 +59,36 @@ def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tup
     """
     found: list[StepAttribution] = []
     for explained, step in reversed(steps):
-        sure = step.replicates and left <= MAX_UNEXPLAINED_RATIO * explained
-        shown = Support.FINDING if sure else Support.POSSIBLE_CAUSE
-        found.append(StepAttribution(Support.DESCRIPTION if step.describes else shown, left))
+        found.append(StepAttribution(support_of(explained, left, step), left))
         if found[-1].kind != Support.FINDING and not step.of_present:
             left += max(explained, 0.0)
     return tuple(reversed(found))
 
 
 def unexplained_mean_square(report: DiagnosisReport) -> float:
-    """Held-out mean square (m²) above the noise, where that is unknown above its bound; 0 if nothing is missing."""
-    if report.verdict.quiet:
-        return 0.0
-    floor = report.diagnosis.floor.rms or report.left.predictable.noise_bound
-    return max(report.held_out.rms**2 - floor**2, 0.0)
+    """Held-out mean square (m²) above the noise; 0 if nothing is missing."""
+    return 0.0 if report.verdict.quiet else _above_noise(report, report.held_out.rms)
 
 
-def unexplained_ratio(report: DiagnosisReport) -> float | None:
-    """Held-out mean square above the noise that the effect to add would leave, per mean square that it takes away.
-
-    A noise that is not known is at most what a black-box model leaves. None where no effect is to be added.
-    """
-    floor = report.diagnosis.floor.rms or report.left.predictable.noise_bound
+def explained_by_first(report: DiagnosisReport) -> tuple[float, float] | None:
+    """Held-out mean squares (m²) that the effect to add takes away, and that it leaves above the noise; None where no
+    effect is to be added."""
     if report.first is None:
         return None
-    left, before = report.first.held_out_rms**2, report.held_out.rms**2
-    return max(left - floor**2, 0.0) / (before - left)
+    after = report.first.held_out_rms
+    return report.held_out.rms**2 - after**2, _above_noise(report, after)
+
+
+def _above_noise(report: DiagnosisReport, rms: float) -> float:
+    """Mean square above the noise, which is at most what a black-box model leaves where it is not known."""
+    floor = report.diagnosis.floor.rms or report.patterns.predictable.noise_bound
+    return max(rms**2 - floor**2, 0.0)
 
 
 def attribution_of(report: DiagnosisReport) -> Support | None:
     """Attribution of the effect that a diagnosis would add; None where it would add none."""
-    if report.first is None or not report.verdict.adds:
+    squares = explained_by_first(report)
+    if squares is None or not report.verdict.adds:
         return None
-    if report.verdict == Verdict.EFFECT_DESCRIBES:
-        return Support.DESCRIPTION
-    ratio = unexplained_ratio(report)
-    unsure = ratio is not None and ratio > MAX_UNEXPLAINED_RATIO
-    return Support.POSSIBLE_CAUSE if unsure or not report.replicates else Support.FINDING
+    describes = report.verdict == Verdict.EFFECT_DESCRIBES
+    return support_of(*squares, Evidence(describes=describes, replicates=report.replicates))

@@ -79,8 +79,8 @@ class AutoRun(ShownInNotebook):
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict of the last diagnosis."""
-        return self.confirmed.verdict
+        """Verdict of the last diagnosis, as its report states it."""
+        return self.report.verdict
 
     @cached_property
     def report(self) -> DiagnosisReport:

@@ -72,7 +72,7 @@ def claim_of(scored: ScoredCandidate, estimates: Sequence[Estimate], fitted: Fit
         claim += f", by up to {in_mm(_largest_motion(fitted, effect))} mm at the tip"
     acting = [one for one in estimates if one.value]
     further = [one for one in acting if one.name not in sentence]
-    if effect.variant_of:  # coefficients of a curve mean nothing to a reader
+    if effect.is_free_form:  # coefficients of a curve mean nothing to a reader
         return claim
     if any(one not in further for one in acting if one.error) or not further or len(further) > TOO_MANY:
         return claim

@@ -7,7 +7,7 @@ Screening (`diagnose`) is linear. The first effect that it supports is refitted 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -31,13 +31,14 @@ from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
+    MAX_WALD_P,
     MIN_GAIN,
     ONE_DEVIATION,
-    WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, ModelPart
 from lrm_math.errors import LrmError
+from lrm_math.model.covariance import ImplausibleEstimate
 from lrm_math.model.deployed_model import of_a_session
 
 MOST_REFUSED = 8
@@ -126,12 +127,13 @@ class ConfirmedDiagnosis:
         after, before = self.refit.error.rms, error_stats(self.held_out).rms
         little = takes_little(after, before, self.diagnosis.floor.rms or 0.0)
         effect, q = self.first.candidate.effect, self.diagnosis.data.poses.q
-        return little or bool(effect.variant_of) or not can_be_contradicted(effect, q)
+        return little or effect.is_free_form or not can_be_contradicted(effect, q)
 
     @property
-    def verdict(self) -> Verdict:
-        """Verdict of the diagnosis, with two changes: `effect_describes` of a refit that shows no cause, and
-        `unexplained_structure` where refits confirmed no selected effect, unless nothing is missing."""
+    def verdict_by_refits(self) -> Verdict:
+        """Verdict before the residual's patterns are looked at (`report_of`): that of the diagnosis, but
+        `effect_describes` of a refit that shows no cause, and `unexplained_structure` where refits confirmed no
+        selected effect, unless nothing is missing."""
         verdict = self.diagnosis.verdict
         if self.refuted and not self.supported and verdict != Verdict.NOTHING_MISSING:
             return Verdict.UNEXPLAINED_STRUCTURE
@@ -173,7 +175,7 @@ def confirm(
         reasons[scored.name] = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
         if trial.refit:
             break
-        if trial.fitted and not scored.candidate.effect.variant_of:
+        if trial.fitted and not scored.candidate.effect.is_free_form:
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
             promised, rival = max((promised, rival), (saved, scored.name))
         now = select_without(now, reasons)
@@ -195,27 +197,25 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
     try:
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-        if wald_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
-            return _Trial(None, Reason(ReasonKind.NEAR_ZERO))
-        if absurd := _absurd(diagnosis.fit, fitted):
-            return _Trial(None, Reason(ReasonKind.ABSURD, said=absurd))
+        keys = [effect.keys[row] for row in scored.candidate.rows]
+        if objection := objection_to_estimates(fitted, keys, implausible_of(diagnosis.fit)):
+            return _Trial(None, objection)
         if _bends_what_it_measures(effect) and _leaves_more_than_noise(diagnosis, fitted):
             return _Trial(None, Reason(ReasonKind.CURVED_IN_PART))
         refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
         return _Trial(None, Reason(ReasonKind.NOT_REFITTED, said=str(error)), fitted=False)
-    if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        explains_all = not _leaves_more_than_noise(diagnosis, fitted)
-        of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
-        worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
-        return _Trial(refit) if worse is None else _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
-    before, after = error_stats(held_out_residual(blocks)).rms, refit.error.rms
-    return _Trial(None, Reason(ReasonKind.NOT_BETTER, (before, after)))
+    if objection := objection_to_prediction(blocks, refit.blocks):
+        return _Trial(None, objection)
+    explains_all = not _leaves_more_than_noise(diagnosis, fitted)
+    of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
+    worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
+    return _Trial(refit) if worse is None else _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
 
 
 def _bends_what_it_measures(effect: Effect) -> bool:
     """Whether it is a free form of an effect of the measurement: it imitates much that the arm does."""
-    return effect.part is ModelPart.MEASUREMENT and bool(effect.variant_of)
+    return effect.part is ModelPart.MEASUREMENT and effect.is_free_form
 
 
 def _leaves_more_than_noise(diagnosis: Diagnosis, fitted: Fit) -> bool:
@@ -232,31 +232,31 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     """
     rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
     before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
-    allowed = 0.0 if effect.variant_of and not of_a_session(effect) else ONE_DEVIATION
+    allowed = 0.0 if effect.is_free_form and not of_a_session(effect) else ONE_DEVIATION
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= allowed:
         return None
     return error_stats(before).rms, error_stats(after).rms
 
 
-def objection_to(fitted: Fit, keys: Collection[str], before: Array, after: Array) -> Reason | None:
-    """Why a refit gives no evidence for an effect with the parameters `keys`; None where it does.
+def objection_to_estimates(
+    fitted: Fit, keys: Collection[str], before: Collection[ImplausibleEstimate]
+) -> Reason | None:
+    """Why the estimates of a refit give no evidence for an effect with the parameters `keys`; None where they do.
 
-    before, after: (N,), held-out squared distances without and with it (m²).
+    These may all be zero (Wald test), or the refit makes an estimate absurd that was not so `before`.
     """
-    if wald_p_value(fitted, keys) > WITHIN_TWO_DEVIATIONS:
+    if wald_p_value(fitted, keys) > MAX_WALD_P:
         return Reason(ReasonKind.NEAR_ZERO)
-    if absurd := next((one.sentence for one in implausible_of(fitted) if one.key in keys), ""):
-        return Reason(ReasonKind.ABSURD, said=absurd)
-    if not predicts_better(after, before, MIN_GAIN):
-        return Reason(ReasonKind.NOT_BETTER, (float(np.sqrt(before.mean())), float(np.sqrt(after.mean()))))
-    return None
+    known = {one.key for one in before}
+    new = [one.sentence for one in implausible_of(fitted) if one.key not in known]
+    return Reason(ReasonKind.ABSURD, said=new[0]) if new else None
 
 
-def _absurd(before: Fit, after: Fit) -> str:
-    """Estimate of a refit beyond its largest plausible size that was not so before, in words; empty without one."""
-    known = {one.key for one in implausible_of(before)}
-    new = [one.sentence for one in implausible_of(after) if one.key not in known]
-    return new[0] if new else ""
+def objection_to_prediction(before: Sequence[HeldOutBlock], after: Sequence[HeldOutBlock]) -> Reason | None:
+    """Why cross-validations without and with an effect give no evidence for it (Vuong test); None where they do."""
+    if predicts_better(held_out_squares(after), held_out_squares(before), MIN_GAIN):
+        return None
+    return Reason(ReasonKind.NOT_BETTER, tuple(error_stats(held_out_residual(each)).rms for each in (before, after)))
 
 
 def _share_saved(after: Array, before: Array) -> float:

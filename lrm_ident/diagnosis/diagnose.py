@@ -143,7 +143,7 @@ class Diagnosis:
         bounds = {
             one.name: float(np.linalg.norm(one.added) + self.fit.sigma * np.sqrt(chdtri(one.parameter_count, MISSED)))
             for one in self.scored
-            if not one.implausible and not one.candidate.effect.variant_of
+            if not one.implausible and not one.candidate.effect.is_free_form
         }
         ordered = sorted(bounds.items(), key=lambda item: -item[1])
         return {name: bound / math.sqrt(len(self.screened)) for name, bound in ordered}

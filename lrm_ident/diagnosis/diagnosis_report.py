@@ -33,8 +33,8 @@ NEXT_STEP: Mapping[Verdict, str] = {
         "one that does not is a loose part, creep or noise."
     ),
     Verdict.NOTHING_MISSING: (
-        "Give it to lrmd, the program that drives the arm. To check it with a tracker: "
-        "lrm-ident verify --tracker dtrack:5000 --goals 50"
+        "Give it to lrmd, the program that drives the arm. Then check it with your tracker, here one that sends DTrack "
+        "data to port 5000: lrm-ident verify --tracker dtrack:5000 --goals 50"
     ),
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
@@ -89,22 +89,22 @@ class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
     Attributes:
-        fit, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
+        fitted, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
         share: of the held-out mean square above the noise that the first candidate takes away.
-        left: patterns of the residual without a name. hints: patterns of the estimates, which are no effects.
+        patterns: of the residual, without a name. hints: patterns of the estimates, which are no effects.
         replicates: whether the first candidate is chosen in both halves of the data.
     """
 
     diagnosis: Diagnosis
     verdict: Verdict
-    fit: ErrorStats
+    fitted: ErrorStats
     held_out: ErrorStats
     deployed: DeployedError
     ranking: tuple[RankedCandidate, ...]
     share: float
     limitations: tuple[str, ...]
     hint: str
-    left: ResidualPatterns
+    patterns: ResidualPatterns
     hints: tuple[str, ...]
     replicates: bool = True
 
@@ -121,7 +121,7 @@ class DiagnosisReport(ShownInNotebook):
     @property
     def far_rows(self) -> tuple[int, ...]:
         """Rows of the fit's outliers, the farthest first, where the error exceeds the noise and nothing predicts it."""
-        found = self.left.predictable.more_to_find or self.diagnosis.unexplained.functions
+        found = self.patterns.predictable.more_to_find or self.diagnosis.unexplained.functions
         if found or self.verdict not in (Verdict.UNEXPLAINED_STRUCTURE, Verdict.UNPREDICTABLE):
             return ()
         fit = self.diagnosis.fit
@@ -158,22 +158,25 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = residual_patterns(diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable)
+    patterns = residual_patterns(
+        diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable
+    )
     before = error_stats(confirmed.held_out)
-    quiet = confirmed.verdict.quiet
-    more = left.predictable.more_to_find and (quiet or confirmed.verdict == Verdict.UNPREDICTABLE)
-    verdict = Verdict.UNEXPLAINED_STRUCTURE if more or (quiet and left.regimes) else confirmed.verdict
+    verdict = confirmed.verdict_by_refits
+    more = patterns.predictable.more_to_find and (verdict.quiet or verdict == Verdict.UNPREDICTABLE)
+    if more or (verdict.quiet and patterns.regimes):
+        verdict = Verdict.UNEXPLAINED_STRUCTURE
     return DiagnosisReport(
         diagnosis=diagnosis,
         verdict=verdict,
-        fit=error_stats(diagnosis.fit.residual),
+        fitted=error_stats(diagnosis.fit.residual),
         held_out=before,
         deployed=confirmed.deployed,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),
         hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
-        left=left,
+        patterns=patterns,
         hints=parameter_hints(diagnosis.fit),
         replicates=confirmed.replicates,
     )
@@ -223,6 +226,6 @@ def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:
     plain = [name for name in names if name in kinds]
     needs = dict.fromkeys(kinds[name].about.needs for name in plain if kinds[name].about.needs)
     what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
-    if len(names) > 1 or kinds[names[0]].variant_of:
+    if len(names) > 1 or kinds[names[0]].is_free_form:
         return f"Measure poses that distinguish the possible causes: {what}."
     return "Add the best candidate, refit everything, and diagnose again."

@@ -48,7 +48,7 @@ class Choice(NamedTuple):
 class SelectionStep:
     """Fit with the effects selected so far, and the estimate of each candidate (by name) beside them."""
 
-    fit: LinearisedFit
+    linear: LinearisedFit
     beside: Mapping[str, LinearEstimate]
 
 
@@ -112,8 +112,8 @@ def _next_effect(
     choices = [one for one in _significant(ranked, step, start, expected) if one.scored not in selected]
     formed: dict[tuple[str, ...], LinearisedFit] = {}
     while choices:
-        simple = _parsimonious(choices, priority, len(step.fit.residual))
-        best = _most_helpful(simple, step.fit.baseline, priority, expected)
+        simple = _parsimonious(choices, priority, len(step.linear.residual))
+        best = _most_helpful(simple, step.linear.baseline, priority, expected)
         choice = best if priority[best.scored.name] < FORM else _plain_effect_of(best, choices)
         if pair := _pair_instead_of(choice.scored, pairs):
             choices = [one for one in choices if one.scored is not choice.scored]
@@ -126,7 +126,7 @@ def _next_effect(
             return chosen
         names = tuple(one.name for one in forms)
         if names not in formed:
-            formed[names] = step.fit.beside(*(one.projected for one in forms))
+            formed[names] = step.linear.beside(*(one.projected for one in forms))
         by_forms = formed[names]
         if paired_z(choice.estimate.held_out, by_forms.baseline.held_out) > Z_THRESHOLD:
             return chosen
@@ -145,7 +145,7 @@ def _significant(
     ranked: Sequence[ScoredCandidate], step: SelectionStep, start: LinearEstimate, expected: Mapping[str, float]
 ) -> Iterator[Choice]:
     """The plausible candidates that are significant and predict better."""
-    before, freedom, tests = step.fit.baseline, step.fit.degrees_of_freedom, yekutieli_factor(len(ranked))
+    before, freedom, tests = step.linear.baseline, step.linear.degrees_of_freedom, yekutieli_factor(len(ranked))
     for one in ranked:
         tried = step.beside[one.name]
         p_value = f_test_p_value(before.in_sample, tried.in_sample, one.size, freedom)
@@ -162,7 +162,7 @@ def _priority(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
 
 def _is_form_of_present(one: ScoredCandidate, priority: dict[str, int]) -> bool:
     """Whether a candidate is another form of an effect of the model or a selected one."""
-    return priority[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
+    return priority[one.name] == REFINEMENT and one.candidate.effect.is_free_form
 
 
 def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count: int) -> Sequence[Choice]:
@@ -218,9 +218,9 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
     Forms of effects that the model does not have are left out, as they name no cause.
     """
     one, step = selection.effects[number], selection.steps[number]
-    without, with_it = step.fit.baseline, step.beside[one.name]
+    without, with_it = step.linear.baseline, step.beside[one.name]
     gain = float(without.held_out.mean() - with_it.held_out.mean())
-    alike = _sharing_a_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.baseline)
+    alike = _sharing_a_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].linear.baseline)
     equivalent = []
     for rival in ranked:
         if rival is one or rival.implausible or rival.candidate.priority == FORM:

@@ -39,18 +39,21 @@ class InjectionTrial:
 
     Attributes:
         truth: the effect, `effect@place`. moved: RMS motion of the TCP that it causes (m).
-        verdict: of the diagnosis, or its error.
+        verdict: of the diagnosis; None where it failed. error: why it did.
         named: the first supported effect and those equivalent to it; empty if none.
     """
 
     truth: str
     moved: float
-    verdict: str
-    named: tuple[str, ...]
+    verdict: Verdict | None
+    named: tuple[str, ...] = ()
+    error: str = ""
 
     @property
     def outcome(self) -> str:
-        """`found`, `one of a class`, `missed` or `wrong`."""
+        """`found`, `one of a class`, `missed`, `wrong` or `failed`."""
+        if self.verdict is None:
+            return "failed"
         if not self.named:
             return "missed"
         if self.truth not in self.named:
@@ -74,7 +77,7 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
     base = nominal_model(load_arm(plan.arm))
     base = base.with_free(base.keys)
     effects = unfitted_effects(base, catalogue_with(plan.effects_file))
-    plain = [(effect, rows) for effect, rows in effects if not effect.variant_of]
+    plain = [(effect, rows) for effect, rows in effects if not effect.is_free_form]
     testable, not_testable = split_testable(plain, solve_equilibrium(base, plan.poses))
     names = [effect.name for effect, _ in testable]
     return [name for name in names if fnmatchcase(name, pattern)], not_testable
@@ -108,7 +111,7 @@ def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
         data = Measurements(plan.poses, number, tcp, None, plan.noise, number, Path("injected"), "")
         found = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)
     except LrmError as error:
-        return InjectionTrial(name, float("nan"), str(error), ())
+        return InjectionTrial(name, float("nan"), None, error=str(error))
     first = [one.name for one in found.supported[:1] if found.verdict == Verdict.EFFECT_MISSING]
     named = tuple(name for one in first for name in (one, *found.equivalent[one]))
     return InjectionTrial(name, error_stats(truth - without).rms, found.verdict, named)

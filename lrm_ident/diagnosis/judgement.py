@@ -29,7 +29,10 @@ class Verdict(StrEnum):
 
 
 class Support(StrEnum):
-    """Support of an effect by the data: of a candidate by the screening, then of one that was refitted or added."""
+    """Support of an effect by the data; people read the last three as `attribution.term_of` words them.
+
+    Of a candidate by the screening: the first four. Of one that was refitted or added: the last three.
+    """
 
     IMPLAUSIBLE = "implausible"
     NO_EVIDENCE = "no_evidence"

@@ -30,7 +30,7 @@ class ReasonKind(StrEnum):
     UNCONFIRMED = "no_refit_confirmed"
     """No refit confirmed the effects that were selected."""
     NEAR_ZERO = "near_zero"
-    """Refitted, its own parameters lie within two standard deviations of zero."""
+    """Refitted, its own parameters may all be zero, by the Wald test."""
     ABSURD = "absurd_estimate"
     """Said: the estimate of the refit beyond what is plausible."""
     CURVED_IN_PART = "tracker_curve_leaves_more"
@@ -107,7 +107,7 @@ SENTENCES = {
     ReasonKind.BEHIND: "the effects above explain the same",
     ReasonKind.CHANCE: "that may be chance",
     ReasonKind.UNCONFIRMED: "no refit confirmed the effects that were selected",
-    ReasonKind.NEAR_ZERO: "refitted, its own parameters lie within two standard deviations of zero",
+    ReasonKind.NEAR_ZERO: "refitted, its own parameters may all be zero (Wald test)",
     ReasonKind.ABSURD: "refitted, {said}",
     ReasonKind.CURVED_IN_PART: "a curve of the tracker that leaves more than the noise stands for something else",
     ReasonKind.NOT_REFITTED: "it could not be refitted: {said}",

@@ -33,7 +33,7 @@ def replicates(screening: Screening, one: ScoredCandidate, equivalent: Collectio
         and other.name not in equivalent
         and not other.implausible
         and other.candidate.priority != FORM
-        and not other.candidate.effect.variant_of
+        and not other.candidate.effect.is_free_form
     ]
     own = screening.scored.index(one)
     return all(_chosen(screening, halves, own, rivals) for halves in _halves(screening, one))

@@ -58,7 +58,7 @@ def unexplained_structure(
     Args:
         weigh: relative weights of the rows.
     """
-    linear, fit = selection.steps[0].fit, selection.steps[-1].fit
+    linear, fit = selection.steps[0].linear, selection.steps[-1].linear
     in_sample = _squares(functions, fit, weigh)
     free = _select_free(in_sample, fit, weigh)
     spurious: dict[str, FreeFunction] = {}

@@ -7,10 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from lrm_ident.data.error_stats import CHI3_MEDIAN
 from lrm_math.arrays import Array
 from lrm_math.errors import UnknownName
-
-CHI3_MEDIAN = 1.5381724  # median of the chi distribution with three degrees of freedom
 
 
 class Loss(Protocol):

@@ -118,7 +118,7 @@ def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ..
     every = {kind.id: kind for kind in CATALOGUE}
     usual = [every[name](arm, place) for name, places in INSTALLED.items() for place in places]
     names = {effect.name for effect in usual}
-    laws = [effect for effect in also if effect.part is ModelPart.INSTALLATION and not effect.variant_of]
+    laws = [effect for effect in also if effect.part is ModelPart.INSTALLATION and not effect.is_free_form]
     more = [replace(effect, arm=arm) for effect in laws if effect.name not in names]
     return (*usual, *(effect for effect in more if effect.place in type(effect).places(arm)))
 

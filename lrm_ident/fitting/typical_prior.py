@@ -77,7 +77,7 @@ def _equal_slope(value: Array, tail: Array, block: NDArray[np.int64]) -> Array:
 
 def typical_prior(model: Model) -> TypicalPrior:
     """The default prior of a model's free parameters, as it is at the start of a fit."""
-    forms = {key for effect in model.effects if effect.variant_of for key in effect.keys}
+    forms = {key for effect in model.effects if effect.is_free_form for key in effect.keys}
     keys = tuple(
         key for key in model.free if key not in forms and not of_the_set_up(key) and model.parameter(key).fixed is None
     )

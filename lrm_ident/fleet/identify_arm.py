@@ -148,5 +148,5 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     plain = np.array([ParameterRef.parse(key).id in DEFAULT_EFFECTS for key in whole.free])
     bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))
     result = fit(whole, data, bounds, prior=weak_prior(whole))
-    file = model_file(result, data, HeldOutResidual(None), arm_name, StepName(FIT), "squared", prior=WEAK)
+    file = model_file(result, data, HeldOutResidual(None), arm_name, StepName(FIT), prior=WEAK)
     return file.model_copy(update={"history": [], "provenance": None})

@@ -9,8 +9,8 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
-from lrm_ident.design.advice import NEEDED, CandidateCause, CausePair, as_measured, expected
-from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
+from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL
+from lrm_ident.design.expected_lead import NEEDED, TRIALS, CausePair
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
@@ -22,7 +22,6 @@ from lrm_ident.report.document import Block, Document, ResultTable, heading, sec
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 
 WORST_SHOWN = 8
@@ -74,7 +73,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
 def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
-    leads = [*_leads(task, found)]
+    leads = [*_leads(found), *_holds(found)]
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -99,6 +98,11 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "refused": offer.rejected,
         "poses": len(found.rows),
         "repeats": repeats,
+        "hold_s": found.dwell,
+        "distinguished_in_trials": [
+            {"there": there, "instead": instead, "of": TRIALS, "told": count}
+            for (there, instead), count in found.trials.items()
+        ],
         "noise_mm": task.noise * 1e3,
         "parameters": found.keys,
         "observability": found.observability,
@@ -119,8 +123,11 @@ def pose_table(found: PoseDesign) -> ResultTable:
     angles, _, approaches = (known.columns for known in quantities_of_joints(q.shape[1]))
     columns = ["pose|d", *(f"{name}|.6f" for name in angles), "payload_g|.3f"]
     columns += [*(f"{name}|.0f" for name in approaches), "repeat_of|d"]
-    rows = list(zip(found.number, *q.T, poses.payload * 1e3, *sides.T, found.repeat_of, strict=True))
-    return ResultTable(columns, rows)
+    parts = [found.number, *q.T, poses.payload * 1e3, *sides.T, found.repeat_of]
+    if found.dwell:
+        columns.append("hold_s|.0f")
+        parts.append(found.hold)
+    return ResultTable(columns, list(zip(*parts, strict=True)))
 
 
 def _index_table(title: str, chosen: Observability, random: Observability) -> ResultTable:
@@ -176,37 +183,43 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
             f"Cosine between the motions of {one} and {other}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
-    for k, effect in enumerate(task.rivals):
-        earlier = "" if was is None else f"; now {_least(effect, was, k)}"
-        yield (
-            f"{plain_name(apart.rivals[k].name)} is distinguished from everything else in "
-            f"{in_percent(TARGET_POWER)} % of cases {_least(effect, apart, k)} "
-            f"(with random poses {_least(effect, random, k)}{earlier}); "
-            f"{_errors(apart.rivals[k])}."
-        )
 
 
-def _leads(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
+def _leads(found: PoseDesign) -> Iterator[str]:
     """What a diagnosis after these poses is expected to tell of each pair of rivals of typical size."""
-    if len(task.rivals) < 2:
-        return
-    poses = as_measured(found.poses, task.measured)
-    parts = [poses] if task.measured is None else [task.measured, poses]
-    causes = [CandidateCause.typical(effect, found.keys) for effect in task.rivals]
     least: dict[frozenset[str], CausePair] = {}
-    for pair in expected(task.model.with_free(found.keys), causes, parts, task.noise):
+    for pair in found.pairs:
         both = frozenset((pair.there, pair.instead))
         least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
     for pair in least.values():
         told = "will" if pair.told else "will not"
         yield (
             f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
-            f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}."
+            f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}. "
+            f"Tried on {TRIALS} simulated measurements of each: {_tried(found, pair)}."
+        )
+
+
+def _tried(found: PoseDesign, pair: CausePair) -> str:
+    both = ((pair.there, pair.instead), (pair.instead, pair.there))
+    return ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in both)
+
+
+def _holds(found: PoseDesign) -> Iterator[str]:
+    """How long the arm stands at poses before they are measured."""
+    if found.dwell:
+        waiting = float(found.hold.sum()) / 60.0
+        yield (
+            f"Half of the poses are held for {found.dwell:g} s before the reading (hold_s): {waiting:.0f} min of "
+            "waiting in all. What yields slowly shows there, and what yields at once shows at the others."
         )
 
 
 def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTable]:
-    """The least size at which each rival is distinguished from everything else: of its first parameter."""
+    """The least size at which each rival is distinguished from all else, and its standard error with these poses.
+
+    Both of its first parameter.
+    """
     known = {name: one.discrimination for name, one in _known(found).items() if one.discrimination is not None}
     if not known:
         return
@@ -218,24 +231,11 @@ def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTab
             "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
             for size in sizes
         ]
-        rows.append((effect.name, *shown))
+        error = dict(known["with these"].rivals[k].standard_errors).get(parameter.name)
+        rows.append((effect.name, *shown, "" if error is None else f"± {with_unit(error, None, parameter.unit)}"))
     power = in_percent(TARGET_POWER)
-    columns = ("effect", *(f"{name}|" for name in known))
+    columns = ("effect", *(f"{name}|" for name in known), "standard error|")
     yield ResultTable(columns, rows, f"Smallest size that is distinguished from all else, in {power} % of cases")
-
-
-def _least(effect: Effect, apart: Discrimination, k: int) -> str:
-    least = apart.rivals[k].detectable_size
-    if least is None:
-        return "never"
-    sizes = [f"{p.name} = {least * p.typical / p.si:.2g}" for p in effect.parameters if p.fixed is None]
-    return f"from {' and '.join(sizes)} on"
-
-
-def _errors(rival: Rival) -> str:
-    if not rival.standard_errors:
-        return "it cannot be told"
-    return "expected standard errors " + ", ".join(f"{name} ± {error:.2g}" for name, error in rival.standard_errors)
 
 
 def _knowledge(found: PoseDesign, known: ExpectedAccuracy) -> dict[str, object]:

@@ -111,17 +111,6 @@ class ListSection:
 
 
 @dataclass(frozen=True)
-class FoldedSection(ListSection):
-    """A list that is printed in full only where everything is, else as its `summary`."""
-
-    summary: str
-
-    def shown(self, most: int | None) -> Iterator[str]:
-        """All lines, or the summary."""
-        return super().shown(most) if most is None else iter((f"  {self.summary}",))
-
-
-@dataclass(frozen=True)
 class Facts:
     """Labelled facts below a conclusion, one to a line; a long one goes on below its beginning, not below its label."""
 

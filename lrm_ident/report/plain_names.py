@@ -2,73 +2,19 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
 from lrm_math.arm.place_names import place_words
-from lrm_math.effects import EffectRef, ParameterRef, marked
+from lrm_math.effects import CATALOGUE, Effect, EffectRef, ParameterRef, compensable, marked
 from lrm_math.effects.session_errors import session_words
 from lrm_math.model.step_name import StepName
 
-PLAIN = {
-    "offsets": "geometry error of {place}",
-    "compliance": "compliance of {place}",
-    "servo_droop": "servo droop of {place}",
-    "base_compliance": "base compliance",
-    "lateral_compliance": "lateral compliance of {place}",
-    "bending_ends": "bending at the ends of {place}",
-    "nonlinear_stiffness": "nonlinear stiffness of {place}",
-    "backlash": "backlash in {place}",
-    "axial_play": "axial play of {place}",
-    "hysteresis": "hysteresis of {place}",
-    "servo_gain": "servo gain error of {place}",
-    "common_gain": "gain error of all servos",
-    "eccentricity": "gear eccentricity of {place}",
-    "quantisation": "quantisation of the servo of {place}",
-    "cable_spring": "cable pull on {place}",
-    "coupling": "coupling of {place}",
-    "payload": "mass error of the load",
-    "mass": "mass error of {place}",
-    "gravity": "tilt of the base (direction of gravity)",
-    "gear_ripple": "gear ripple of {place}",
-    "creep": "creep of {place}",
-    "self_heating": "self-heating of {place}",
-    "slip": "slip of {place}",
-    "drift": "warm-up drift of {place}",
-    "change_point": "sudden shift of {place}",
-    "second_change_point": "second sudden shift of {place}",
-    "session": "session offset of {place}",
-    "measurement_frame": "tracker scale error",
-    "frame_curve": "tracker distortion (spline)",
-    "anchor": "offset of the point that distances start from",
-    "touched_point": "position of the touched point, {place}",
-    "touched_board": "position of the board, {place}",
-    "angle_curve": "angle error of {place} (spline)",
-    "coupling_curve": "coupling of {place} (spline)",
-    "cable_curve": "a free curve over {place} (spline)",
-    "drift_curve": "drift of {place} (spline)",
-    "torque_curve": "compliance of {place} (spline)",
-    "bearing_curve": "bearing clearance of {place} (spline)",
-    "base_curve": "base compliance (spline)",
-    "friction_curve": "friction of {place} (spline)",
-    "creep_spectrum": "creep of {place} at several paces",
-    "residual_field": "remaining error without a name",
-    "servo_response": "response of the servo of {place}",
-    "rest_offset": "zero of {place}",
-    "dead_time": "dead time of {place}",
-    "sensor_delay": "delay of the reading of {place}",
-    "speed_limit": "speed limit of {place}",
-    "acceleration_limit": "acceleration limit of {place}",
-    "drive_limit": "saturation of the drive of {place}",
-    "motion_gain": "scale error of {place}",
-    "velocity_feedforward": "velocity feedforward of {place}",
-    "gravity_sag": "gravity sag of the servo of {place}",
-    "inertial_coupling": "push of other joints on {place}",
-    "link_inertia": "inertia of the links on {place}",
-    "viscous_friction": "viscous friction of {place}",
-    "coulomb_friction": "Coulomb friction of {place}",
-    "load_friction": "load-dependent friction of {place}",
-    "stribeck": "stick-slip (Stribeck friction) of {place}",
-    "motion_play": "play of {place}",
-    "swing": "swing of {place}",
-}
+WORDS: Mapping[str, Mapping[str, str]] = tomllib.loads(
+    Path(__file__).with_name("effect_words.toml").read_text(encoding="utf-8")
+)
+"""What people read of each effect by its id: `name`, and where there is one `repair` and `sketch`."""
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
@@ -77,8 +23,20 @@ GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
     kind, _ = EffectRef.parse(name)
-    words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
+    words = words_of(name, "name") or kind.replace("_", " ") + " of {place}"
     return marked(name, words.format(place=place_in_words(name)))
+
+
+def words_of(name: str, what: str) -> str:
+    """One of the `WORDS` of the effect `id@place`; "" where it has none."""
+    return WORDS.get(EffectRef.parse(name).id, {}).get(what, "")
+
+
+def by_hand(effect: Effect) -> str:
+    """What to repair, or that the model corrects it; "" where nothing is known to do."""
+    repair = words_of(effect.name, "repair") if type(effect) in CATALOGUE else ""
+    either = " (or leave it: the model corrects it)" if repair and compensable(effect) else ""
+    return repair.format(place=place_in_words(effect.name)) + either
 
 
 def place_in_words(name: str) -> str:

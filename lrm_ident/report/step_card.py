@@ -161,7 +161,7 @@ def _card(
         tuple(entry.indistinguishable),
         rivals=None if entry.rivals_mm is None else {name: left * 1e-3 for name, left in entry.rivals_mm.items()},
         of_present=any(name in present for effect in added for name in variants(effect)),
-        describes=any(effect.variant_of or not can_be_contradicted(effect, q) for effect in added),
+        describes=any(effect.is_free_form or not can_be_contradicted(effect, q) for effect in added),
     )
     free = sum(key in entry.sigma for effect in added for key in effect.keys)
     followed = of_law(added[0], known) if added else known

@@ -11,16 +11,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lrm_ident.data.wording import in_mm
-from lrm_ident.diagnosis.attribution import AttributionTerm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
-from lrm_math.model.model_file import CourseTable, HistoryTable, ModelFile
+from lrm_math.arm.arm_file import MM
+from lrm_math.model.model_file import AttributionTerm, CourseTable, HistoryTable, ModelFile
 
 Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 8
-MM = 1e-3
 ON_THE_ARM = "expected on the arm (effects of this session alone left out)"
 ANEW = "with the effects, too, chosen without the held-out poses"
 

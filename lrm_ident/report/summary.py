@@ -11,11 +11,11 @@ from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.model_report import history_table, history_values, provenance_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import story_of_file
+from lrm_math.arm.arm_file import MM
 from lrm_math.effects import EffectRef
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 
-MM = 1e-3
 PARTS = (
     "The arm's part holds wherever the arm goes, the installation's while it stays mounted there; the measurement's is "
     "not deployed."

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_ident.data.error_stats import CHI3_MEDIAN
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
-from lrm_ident.fitting.loss import CHI3_MEDIAN
 from lrm_ident.residual.thresholds import FLOOR_RATIO, NEGLIGIBLE, SMALL_SHARE, Z_THRESHOLD
 from lrm_math.arrays import Array
 

@@ -23,20 +23,18 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import arm_name_for
-from lrm_math.effects import effect_names, marked
+from lrm_math.effects import marked
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import (
+    SCHEMA,
     HistoryTable,
     ModelFile,
     ProvenanceTable,
     as_tables,
-    deployed_table,
-    parameter_tables,
-    parts_table,
-    range_table,
+    model_tables,
     to_model,
 )
 from lrm_math.model.step_name import StepName
@@ -53,7 +51,6 @@ def model_file(
     held_out: HeldOutResidual,
     arm: str,
     step: StepName,
-    loss: str,
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
     evidence: Evidence = NO_EVIDENCE,
@@ -77,13 +74,9 @@ def model_file(
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
         deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
         rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
-        effects=effect_names(model.effects),
-        parameters=parameter_tables(model),
         sigma=sigma_table(fit),
         covariance=covariance_table_of(fit),
-        range=range_table(model),
-        deployed=deployed_table(model),
-        parts=parts_table(model),
+        **model_tables(model),
         provenance=ProvenanceTable(
             data=data.path.name,
             data_sha256=data.sha256,
@@ -91,7 +84,7 @@ def model_file(
             poses=len(data),
             tool=tool_version(),
             date=date,
-            loss=loss,
+            loss=fit.loss.name,
             prior=prior,
             left_out=list(data.left_out),
             reading=data.reading if data.reading.said() else None,
@@ -124,20 +117,10 @@ def undo_step(file: ModelFile) -> ModelFile:
 
 def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
     """Model file of the last entry of a history."""
-    last = history[-1]
-    return ModelFile(
-        schema="lrm/model/2",
-        arm=arm,
-        effects=last.effects,
-        parameters=last.parameters,
-        sigma=last.sigma,
-        covariance=last.covariance,
-        range=last.range,
-        deployed=last.deployed,
-        parts=last.parts,
-        history=list(history),
-        provenance=last.provenance,
-    )
+    of_model = {
+        name: getattr(history[-1], name) for name in ModelFile.model_fields if name in HistoryTable.model_fields
+    }
+    return ModelFile(schema=SCHEMA, arm=arm, history=list(history), **of_model)
 
 
 def sigma_table(fit: Fit) -> dict[str, float]:
@@ -169,15 +152,7 @@ def fit_words(loss: str, left_out: Sequence[int]) -> str:
 
 def as_written(model: Model, arm: str) -> Model:
     """The model as it would be read from its own file: effects in its order, values rounded by the change of units."""
-    effects, parameters = effect_names(model.effects), parameter_tables(model)
-    file = ModelFile(
-        schema="lrm/model/2",
-        arm=arm,
-        effects=effects,
-        parameters=parameters,
-        range=range_table(model),
-        deployed=deployed_table(model),
-    )
+    file = ModelFile(schema=SCHEMA, arm=arm, **model_tables(model))
     read = to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
     return replace(read, fitted_to=model.fitted_to)
 

@@ -22,9 +22,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, 
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import TYPICAL
-from lrm_ident.residual.deployment.carried_states import with_carried_states
-from lrm_ident.residual.deployment.reverting_terms import with_reverting_terms
-from lrm_ident.residual.deployment.unmeasured_angles import with_unmeasured_angles
+from lrm_ident.residual.deployment.deployable import deployable
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, names_of
@@ -104,9 +102,8 @@ class Study(ModelOnData, ShownInNotebook):
         result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
-        stated = with_unmeasured_angles(with_carried_states(result.fit, result.data))
-        deployable = with_reverting_terms(stated, result.data)
-        step = StudyStep(StepName(FIT), deployable, bounds=bounds, stated_prior=known, prior_name=name)
+        stated = deployable(result.fit, result.data)
+        step = StudyStep(StepName(FIT), stated, bounds=bounds, stated_prior=known, prior_name=name)
         begun = replace(self, data=result.data, loss=loss, source=None)
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
@@ -140,7 +137,13 @@ class Study(ModelOnData, ShownInNotebook):
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`) or candidate and refits everything, without the diagnosis's outliers.
 
-        `screened`: result of `screen`, where known already. Raises `LrmError`.
+        What names no cause is added by `add_field`, without a screening.
+
+        Args:
+            screened: result of `screen`; None: every effect is screened first. It states the outliers, where the
+                effect's shape starts, and which others predict as well.
+
+        Raises `LrmError`.
         """
         from lrm_ident.diagnosis.add_effect import add_effects
 
@@ -221,7 +224,7 @@ class Study(ModelOnData, ShownInNotebook):
         """Fits all parameters of the model together with a prior (name or path). Raises `LrmError`."""
         start = named_part(self._fitted)
         known = load_prior(prior, start, self.catalogue)
-        result = fit_model(start, self.data, "identifiable", self.loss, prior=known).fit
+        result = deployable(fit_model(start, self.data, "identifiable", self.loss, prior=known).fit, self.data)
         step = StudyStep(
             StepName(REFIT, known.name), result, start=start, stated_prior=known, prior_name=prior_name_for(prior)
         )
@@ -293,7 +296,6 @@ class Study(ModelOnData, ShownInNotebook):
             self.held_out,
             self.arm,
             step.name or StepName(FIT),
-            self.loss.name,
             history,
             step.file_prior,
             step.evidence,

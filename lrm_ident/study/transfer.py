@@ -22,20 +22,19 @@ from lrm_ident.study.model_history import as_written, model_file, write_model
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import CATALOGUE, effect_names
+from lrm_math.effects import CATALOGUE
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import Covariance, covariance_table
 from lrm_math.model.deployed_model import FIT_STATE, unknown_state
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import (
     FIT_AGAIN,
+    SCHEMA,
     ModelFile,
     arm_mismatch,
     arm_of,
     covariance_of,
-    parameter_tables,
-    parts_table,
-    range_table,
+    model_tables,
 )
 from lrm_math.model.step_name import TRANSFER, StepName
 from lrm_math.model.uncertainty import expected_tip_error
@@ -85,21 +84,18 @@ class Transfer:
         """The model file. Its history begins with the transfer, if poses were measured."""
         if self.fit is not None and self.data is not None:
             unknown = HeldOutResidual(None, "the installation was identified from few poses")
-            return model_file(self.fit, self.data, unknown, self.arm, StepName(TRANSFER, self.start.bench), "squared")
+            return model_file(self.fit, self.data, unknown, self.arm, StepName(TRANSFER, self.start.bench))
         model, known = self.start.model, self.covariance
         units = np.array([model.parameter(key).si for key in known.keys])
         errors = np.sqrt(np.diag(known.matrix)) / units
         date, before = datetime.now(UTC).isoformat(timespec="seconds"), self.source.provenance
         changes = {"arm_sha256": arm_sha256(model.arm), "tool": tool_version(), "date": date, "reading": None}
         return ModelFile(
-            schema="lrm/model/2",
+            schema=SCHEMA,
             arm=self.arm,
-            effects=effect_names(model.effects),
-            parameters=parameter_tables(model),
             sigma=dict(zip(known.keys, errors.tolist(), strict=True)),
             covariance=covariance_table(known.keys, known.matrix),
-            range=range_table(model),
-            parts=parts_table(model),
+            **model_tables(model),
             provenance=None if before is None else before.model_copy(update=changes),
         )
 

@@ -72,11 +72,6 @@ def rigid_bodies(scene: Scene) -> ArmBodies:
     return ArmBodies(scene, lambda q: scene.separations(scene.frames(q)))
 
 
-def check_bodies(bodies: ArmBodies, start: Array, end: Array, keep: float | Array) -> MotionClearance:
-    """`check_path` of one straight move from start to end (n,) in rad."""
-    return check_path(bodies, np.array([start, end]), keep)[0]
-
-
 def check_path(bodies: ArmBodies, path: Array, keep: float | Array) -> tuple[MotionClearance, int]:
     """Whether all pairs of bodies keep a separation (m, below zero for an overlap) on straight moves through poses
     (K, n) in rad, and the number, from 0, of the move that this is of: the first that is not free, or the nearest one.

@@ -19,18 +19,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import tanh
 
 
-class _Play(LoadedJointEffect):
-    """Clearance that the load takes up: δ = ½ b tanh(load/l0), for parameters b and l0."""
-
-    depends_on = ()
-    extrapolation = Extrapolation.PROPORTIONAL
-
-    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """½ b tanh(load/l0)."""
-        return (0.5 * p[0] * tanh(tau[0] / p[1]),)
-
-
-class Backlash(_Play):
+class Backlash(LoadedJointEffect):
     """Backlash of one joint, taken up on the side that gravity pulls to."""
 
     id = "backlash"
@@ -41,13 +30,15 @@ class Backlash(_Play):
         claim="{place} has {b_rad} of backlash, end to end",
         needs="torque of both signs at the joint",
     )
+    depends_on = ()
+    extrapolation = Extrapolation.PROPORTIONAL
     parameters = (
         Parameter("b_rad", "play of the joint, from end to end", 0.02, lower=0.0),
         Parameter(
             "tau0_Nm",
             "torque that takes up 76 % of the play",
             0.02,
-            1e-4,
+            lower=1e-4,
             fixed=0.02,
             scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
         ),
@@ -55,10 +46,10 @@ class Backlash(_Play):
             "w_rad_per_rad",
             "share of the play that is taken up slowly, as τ/√(τ² + τ0²)",
             0.5,
-            0.0,
-            1.0,
-            0.0,
-            (0.0, 1.0),
+            lower=0.0,
+            upper=1.0,
+            fixed=0.0,
+            scan=(0.0, 1.0),
         ),
     )
 
@@ -75,7 +66,7 @@ class Backlash(_Play):
         return "gravity's torque on it has (nearly) always the same sign: the play stays at one end"
 
 
-class AxialPlay(_Play):
+class AxialPlay(LoadedJointEffect):
     """Axial play (end float) of a joint's bearing: the joint slides along its axis to the side that weight pulls to."""
 
     id = "axial_play"
@@ -86,10 +77,17 @@ class AxialPlay(_Play):
         claim="{place} slides {b_mm} along its axis",
         needs="poses that tip the axis over: weight along it in both directions",
     )
+    depends_on = ()
+    extrapolation = Extrapolation.PROPORTIONAL
     parameters = (
         Parameter("b_mm", "axial play, from end to end", 0.001, lower=0.0),
         Parameter(
-            "F0_N", "force that takes up 76 % of the play", 0.5, 1e-3, fixed=0.5, scan=(0.05, 0.2, 0.5, 1.0, 3.0, 12.0)
+            "F0_N",
+            "force that takes up 76 % of the play",
+            0.5,
+            lower=1e-3,
+            fixed=0.5,
+            scan=(0.05, 0.2, 0.5, 1.0, 3.0, 12.0),
         ),
     )
 
@@ -97,6 +95,11 @@ class AxialPlay(_Play):
     def targets(self) -> tuple[str, ...]:
         """The offset along the joint's axis."""
         return (f"{self.place}.d",)
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """½ b tanh(F/F0)."""
+        play, scale = p
+        return (0.5 * play * tanh(tau[0] / scale),)
 
 
 class Hysteresis(JointEffect, LinearEffect):

@@ -263,6 +263,11 @@ class Effect(ABC):
         return str(EffectRef(self.id, self.place))
 
     @property
+    def is_free_form(self) -> bool:
+        """Whether it is a free form of other effects (`variant_of`), whose coefficients are no physical sizes."""
+        return bool(self.variant_of)
+
+    @property
     def part(self) -> ModelPart:
         """The part of a calibrated arm that it belongs to: by its place, where a class does not say otherwise."""
         return PART_OF_PLACE.get(self.place, ModelPart.ARM)

@@ -24,7 +24,7 @@ class EffectRef(NamedTuple):
 
 
 class ParameterRef(NamedTuple):
-    """A parameter of an effect at a place. As text, the key in model files, `backlash.joint2.play_rad`."""
+    """A parameter of an effect at a place. As text, the key in model files, `backlash.joint2.b_rad`."""
 
     id: str
     place: str

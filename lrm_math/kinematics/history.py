@@ -141,16 +141,19 @@ def history_of(
     number: NDArray[np.int64],
     gravity: Array | None = None,
     start: Array | None = None,
+    hold: Array | None = None,
 ) -> History:
     """The history of poses (N, n), rows in the order measured; their times (N,) in s, sessions and numbers (N,).
 
-    `start`: (n,), angles before the first of them (rad).
+    `start`: (n,), angles before the first of them (rad). `hold`: (N,), how long the arm was to stand at each before it
+    was measured (s): where no times were measured, that adds to the equal steps.
 
     Poses of equal times were measured at once; a pose that is repeated was held again.
     """
     count = len(q)
     of = np.zeros(count) if session is None else np.unique(session, return_inverse=True)[1].reshape(-1)
-    clock = t if t is not None else PACE_S * (number if (np.diff(number) > 0).all() else np.arange(count))
+    paced = PACE_S * (number if (np.diff(number) > 0).all() else np.arange(count))
+    clock = t if t is not None else paced if hold is None else paced + np.cumsum(hold)
     order = np.lexsort((np.arange(count), clock, of))
     row = np.empty(count, dtype=np.int64)
     row[order] = np.arange(count)

@@ -77,7 +77,7 @@ def implausible_estimates(model: Model, known: Covariance | None) -> tuple[Impla
     """
     errors = {} if known is None else dict(zip(known.keys, np.sqrt(np.diag(known.matrix)).tolist(), strict=True))
     found = []
-    exempt = {key for effect in model.effects if effect.variant_of or not effect.names_a_cause for key in effect.keys}
+    exempt = {key for effect in model.effects if effect.is_free_form or not effect.names_a_cause for key in effect.keys}
     for key in (key for key in model.free if key not in exempt):
         parameter, value = model.parameter(key), model.value(key)
         sizes = parameter.plausible

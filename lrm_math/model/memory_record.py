@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.effects.memory.creep import LONG_S
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.history import History, Visits
 from lrm_math.kinematics.known import MemoryState
@@ -25,10 +26,26 @@ SETTLED, MOST_LOADS = 1e-10, 12
 
 def nothing_known(memory: Mapping[str, SessionMemory]) -> MemoryState:
     """Memory of an arm of which nothing is known: as it was in the session of its model, on average."""
-    mean = {name: one.mean for name, one in memory.items()}
-    further = {
-        name: tuple(m + s for m, s in zip(one.mean, one.sd, strict=True)) for name, one in memory.items() if any(one.sd)
-    }
+    return _likely({name: (one.mean, one.sd) for name, one in memory.items()})
+
+
+def when_powered(model: Model, memory: Mapping[str, SessionMemory], q: Array, payload: float) -> MemoryState:
+    """Memory of an arm that has just got power at commands q (n,), rad, with a payload (kg): rested, or loaded there.
+
+    The mean of both has the least expected squared error where nothing tells which it was.
+    model: of the deployed arm with its effects with a memory (`as_deployed_with`).
+    """
+    rested = MemoryState({name: (0.0,) * len(one.mean) for name, one in memory.items()})
+    stood = after_stand(model, rested, q, payload, LONG_S).now
+    effects = {effect.name: effect for effect in model.effects if isinstance(effect, EffectWithMemory)}
+    return _likely({name: effects[name].when_powered(stood[name], one.mean, one.sd) for name, one in memory.items()})
+
+
+def _likely(states: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]) -> MemoryState:
+    """Memories by their means, and each effect's one standard deviation further."""
+    mean = {name: numbers for name, (numbers, _) in states.items()}
+    uncertain = {name: both for name, both in states.items() if any(both[1])}
+    further = {name: tuple(m + s for m, s in zip(*both, strict=True)) for name, both in uncertain.items()}
     return MemoryState(mean, tuple({**mean, name: values} for name, values in further.items()))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -16,7 +16,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arm.servo_settings import ServoSettings
-from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effects_at
+from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effect_names, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
@@ -34,7 +34,8 @@ from lrm_math.model.session_state import CarriedState, SessionMemory, StateAfter
 from lrm_math.model.step_name import StepName
 from lrm_math.toml_file import StrictSchema, read_toml
 
-SCHEMA, VERSION_1 = "lrm/model/2", "lrm/model/1"
+SCHEMA: Final = "lrm/model/2"
+VERSION_1 = "lrm/model/1"
 MOST_EFFECTS = 1000
 MOST_ANGLES = 1000
 FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
@@ -130,6 +131,10 @@ RIVALS_1 = ", or ", ": these data cannot tell"
 """What stood around the names of indistinguishable effects in the steps of older files of `lrm/model/1`."""
 
 
+AttributionTerm: TypeAlias = Literal["identified cause", "indistinguishable cause", "candidate cause", "empirical term"]
+"""What an added effect is, in the words that people and files read (`lrm_ident.diagnosis.attribution`)."""
+
+
 class CourseTable(StrictSchema):
     """Table `[history.course]`: what is known once all steps up to this one were taken.
 
@@ -137,7 +142,7 @@ class CourseTable(StrictSchema):
     `nested_deployed_rms_mm`: held out with the effects chosen anew in every fold, and the same as deployed.
     """
 
-    shows: dict[str, Literal["identified cause", "indistinguishable cause", "candidate cause", "empirical term"]] = {}
+    shows: dict[str, AttributionTerm] = {}
     noise_rms_mm: float | None = None
     nested_rms_mm: float | None = None
     nested_deployed_rms_mm: float | None = None
@@ -370,6 +375,17 @@ def parts_table(model: Model) -> PartsTable:
     """The `[parts]` table of a model: names of the effects of each part that has any."""
     parts = {part: [effect for effect in model.effects if effect.part is part] for part in ModelPart}
     return {part.value: [effect.name for effect in effects] for part, effects in parts.items() if effects}
+
+
+def model_tables(model: Model) -> dict[str, Any]:
+    """The tables of a model file and of an entry of its history that follow from the model alone, by their names."""
+    return {
+        "effects": effect_names(model.effects),
+        "parameters": parameter_tables(model),
+        "range": range_table(model),
+        "deployed": deployed_table(model),
+        "parts": parts_table(model),
+    }
 
 
 def _offsets(arm: Arm) -> dict[str, Parameter]:

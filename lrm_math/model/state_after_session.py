@@ -39,7 +39,7 @@ def usually_carried(effect: Effect) -> CarriedState:
 
     The end of a law; the mean of a free curve, which follows whatever the order of the poses follows.
     """
-    return "mean" if effect.variant_of else "last"
+    return "mean" if effect.is_free_form else "last"
 
 
 def passing_effects(model: Model) -> tuple[Effect, ...]:

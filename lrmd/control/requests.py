@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -241,11 +242,22 @@ def _sense(s: Controller, command: SenseCommand, now: int) -> RequestResult:
     return RequestResult()
 
 
-HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
-    LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
-    RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
-    SceneCommand: _scene, PayloadRequest: _payload, SkillRequest: _skill, SenseCommand: _sense,
-}  # fmt: skip
+Handler: TypeAlias = "Callable[[Controller, Any, int], RequestResult]"
+Kind = TypeVar("Kind", bound=Message)
+
+
+def _handled(kind: type[Kind], by: Callable[[Controller, Kind, int], RequestResult]) -> tuple[type[Message], Handler]:
+    """A line of the table below; mypy sees that the function takes that kind of request."""
+    return kind, by
+
+
+HANDLERS: dict[type[Message], Handler] = dict([
+    _handled(LeaseRequest, _lease), _handled(HoldRequest, _hold), _handled(ArmRequest, _arm),
+    _handled(MoveRequest, _move), _handled(JogRequest, request_jog), _handled(RelaxRequest, _relax),
+    _handled(DisarmRequest, _disarm), _handled(ResetRequest, _reset), _handled(GravityCommand, _gravity),
+    _handled(SceneCommand, _scene), _handled(PayloadRequest, _payload), _handled(SkillRequest, _skill),
+    _handled(SenseCommand, _sense),
+])  # fmt: skip
 
 
 class Controller(ControllerState):

@@ -2,9 +2,9 @@
 
 Theory of operation: the API process tells where the joints were last sent (`ArmKnowledge`); the ik process looks at it
 between two goals and at least every `IDLE_S`. A stand is integrated when the arm leaves it; while it moves, each look
-is a short stand where it has come to. Where nothing is known of the moves so far - after
-a start, a break of the pulses or another model - the memory is that of the model's session on average, and its
-uncertainty stands in the answers until it has faded.
+is a short stand where it has come to. An arm that has just got power rested before, or bore its load where it stands
+(`when_powered`). Where nothing is known of the moves so far otherwise - another model, another start of the daemon -
+the memory is that of the model's session on average. Its uncertainty stands in the answers until it has faded.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from lrm_math.kinematics.known import Known, MemoryState
 from lrm_math.kinematics.motion import STILL
 from lrmd.config import SECOND
 from lrmd.ik.service import IkService
+
+FRESH_S = 10.0
+"""Time since the servos got power within which the arm has hardly moved, and was not loaded for long."""
 
 
 class ArmMemory:
@@ -38,6 +41,8 @@ class ArmMemory:
             return
         q = known.motion.q
         if self._remembered is None or self._model != service.deployed.sha256:
+            fresh = known.running is not None and known.running < FRESH_S
+            begun = service.when_powered(q, payload) if fresh else begun
             self._model, self._remembered = service.deployed.sha256, begun
             self._since = now
         elif (moved := bool((np.abs(q - self._q) > STILL).any())) or payload != self._payload:

@@ -30,6 +30,13 @@ JointPath: TypeAlias = tuple[tuple[float, ...], ...]
 """Waypoints (rad) from the start to the goal."""
 
 
+@dataclass(frozen=True)
+class NoPlan:
+    """No path to a goal, and why."""
+
+    text: str
+
+
 @dataclass(eq=False)
 class _GoalSearch:
     """Attempts at one goal (rad), with `extra_margin` (m) after `rejected` paths violated the margin."""
@@ -55,7 +62,7 @@ class Planner:
 
     def find(
         self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
-    ) -> JointPath | str:
+    ) -> JointPath | NoPlan:
         """A path from a pose (rad) to one of the goal poses, or the reason why the first goal was given up.
 
         Tries all goals in turn, repeatedly, until `check_cancelled` raises, which is called before every move that is
@@ -66,9 +73,9 @@ class Planner:
             steady = self.guard.stability.steady(np.array(start), np.array(goals), self.payload)
             goals = [goal for goal, good in zip(goals, steady, strict=True) if good]
             if not goals:
-                return "no path: the vehicle would be too near to tipping over at the goal"
+                return NoPlan("no path: the vehicle would be too near to tipping over at the goal")
         found = self._find_from(start, goals, seed, check_cancelled)
-        if not isinstance(found, str):
+        if not isinstance(found, NoPlan):
             return found
         apart = self.guard.separation(np.array([start, *goals]), self.payload)
         clear = apart >= self.scene.margin + RESOLUTION  # both the rigid and the loaded arm
@@ -81,7 +88,7 @@ class Planner:
         if way is None:
             return found
         onward = self._find_from(way[-1].tolist(), goals, seed, check_cancelled)
-        if isinstance(onward, str):
+        if isinstance(onward, NoPlan):
             return onward
         first = with_corners(self.config, np.array(way))
         return (*first[:-1], *onward)
@@ -129,25 +136,25 @@ class Planner:
 
     def _find_from(
         self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
-    ) -> JointPath | str:
+    ) -> JointPath | NoPlan:
 
         def check(before: Array, after: Array, margin: float) -> MotionClearance:
             check_cancelled()
             return self.guard.check(np.array([before, after]), self.payload, margin)[0]
 
         searches = [_GoalSearch(np.random.default_rng([seed, number]), goal) for number, goal in enumerate(goals)]
-        reasons: list[str] = []
+        reasons: list[NoPlan] = []
         while searches:
             for search in tuple(searches):
                 found = self._attempt(start, search, check)
-                if isinstance(found, str):
+                if isinstance(found, NoPlan):
                     reasons.append(found)
                     searches.remove(search)
                 elif found is not None:
                     return found
         return reasons[0]
 
-    def _attempt(self, start: Sequence[float], search: _GoalSearch, check: Check) -> JointPath | str | None:
+    def _attempt(self, start: Sequence[float], search: _GoalSearch, check: Check) -> JointPath | NoPlan | None:
         """A path, the reason why there is none, or None to try again."""
         margin = self.scene.margin + search.extra_margin
         found = plan(self.scene, start, search.goal, search.rng, margin, SAMPLES, check)
@@ -158,18 +165,19 @@ class Planner:
         if not violation:
             return waypoints
         search.rejected, search.extra_margin = search.rejected + 1, search.extra_margin + MARGIN_STEP
-        return f"every path found violates the margin: {violation}" if search.rejected == MAX_REJECTED else None
+        given_up = search.rejected == MAX_REJECTED
+        return NoPlan(f"every path found violates the margin: {violation}") if given_up else None
 
-    def _reason(self, found: NoPath, start: Sequence[float], search: _GoalSearch) -> str | None:
+    def _reason(self, found: NoPath, start: Sequence[float], search: _GoalSearch) -> NoPlan | None:
         if search.extra_margin:
             search.extra_margin *= 0.5
             return None
         if found.why != "not found":
-            return str(found)
+            return NoPlan(str(found))
         for what, q in (("start", np.array(start)), ("goal", np.array(search.goal))):
             move, _ = self.guard.check(np.array([q, q]), self.payload, self.scene.margin)
             if not move.free:
-                return (
+                return NoPlan(
                     f"no path: {what} in collision as the arm sags: {move.first} and {move.second} are "
                     f"{move.distance * 1e3:.1f} mm apart; {move.margin * 1e3:.1f} mm must be kept"
                 )

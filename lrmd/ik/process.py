@@ -24,7 +24,7 @@ from lrmd.heap import return_freed_memory
 from lrmd.ik.arm_memory import ArmMemory
 from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
-from lrmd.ik.planner import JointPath
+from lrmd.ik.planner import JointPath, NoPlan
 from lrmd.ik.service import IkService
 from lrmd.ik.straight_line import LineEnd
 from lrmd.messages.codec import Header, HeaderSource, Message, pack
@@ -210,7 +210,7 @@ class IkProcess:
         try:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
-            self._service = IkService(self._config, deploy(self._config))
+            self._service = IkService.of(self._config, deploy(self._config))
             self._gravity, self._load, self._scene_number = GravityRecord(), LoadRecord(), 0
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
@@ -306,12 +306,11 @@ class IkProcess:
         reply_error(query, error, self._log, self._headers.boot_id)
 
 
-def plan_content(service: IkService, path: JointPath | LineEnd | str, payload: float) -> dict[str, Any]:
+def plan_content(service: IkService, path: JointPath | NoPlan, payload: float) -> dict[str, Any]:
     """The fields of a `PlanReply`, of a payload (kg)."""
-    if isinstance(path, LineEnd):
-        return {"found": False, "text": path.text, "ends_at_m": list(path.at)}
-    if isinstance(path, str):
-        return {"found": False, "text": path}
+    if isinstance(path, NoPlan):
+        ends = {"ends_at_m": list(path.at)} if isinstance(path, LineEnd) else {}
+        return {"found": False, "text": path.text, **ends}
     angles = [angle for q in (path[0], path[-1]) if (angle := service.tip_over(q, payload)) is not None]
     waypoints = [list(q) for q in path]
     return {

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -28,13 +27,13 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import as_deployed_with, followed_parts, memorised, under_gravity, with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
-from lrm_math.model.memory_record import after_stand, nothing_known
+from lrm_math.model.memory_record import after_stand, nothing_known, when_powered
 from lrm_math.model.model import Model
 from lrm_math.model.tip_over import tip_over_angles
 from lrmd.config import SECOND, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.ik.planner import JointPath, Planner, with_corners
+from lrmd.ik.planner import JointPath, NoPlan, Planner, with_corners
 from lrmd.ik.stabilise import steadier_poses
 from lrmd.ik.straight_line import LineEnd, line_path
 from lrmd.messages.codec import MessageError
@@ -164,78 +163,97 @@ class FeasibilityCheck:
         return clearance_of(scene, np.concatenate([bent, rigid]))
 
 
+@dataclass(frozen=True, eq=False)
 class IkService:
-    """Answers kinematics requests with one model."""
+    """Answers kinematics requests with one model.
 
-    def __init__(self, config: Config, deployed: DeployedModel) -> None:
-        self.deployed, self._model = deployed, deployed.model
-        self._measured = self._solver = solver_of(config, deployed)
-        self._config, self._dof = config, config.dof
-        self._down: Vector3 | None = None
-        self._load_at = ORIGIN
-        self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
-        self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
-        self._remembering = _remembering(self._model)
-        self._solver.warm_up()
+    Attributes:
+        measured: solver of the model as it was deployed.
+        model, solver: the same with gravity and load as they are known, and with what follows the pose (`at`).
+        feasibility: of commands, among the obstacles that are known.
+        remembering: the arm with its effects with a memory; None of a model that follows none.
+        down: gravity's direction, a unit vector in the arm's frame; None: as the model says. load_at: the load's centre
+            (m).
+    """
+
+    config: Config
+    deployed: DeployedModel
+    measured: CalibratedSolver
+    model: Model
+    solver: CalibratedSolver
+    feasibility: FeasibilityCheck
+    remembering: Model | None
+    down: Vector3 | None = None
+    load_at: Vector3 = ORIGIN
+
+    @classmethod
+    def of(cls, config: Config, deployed: DeployedModel) -> IkService:
+        """The service of a deployed model. Raises `LrmError` for a model that it cannot use."""
+        solver, model = solver_of(config, deployed), deployed.model
+        scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
+        solver.warm_up()
+        feasibility = FeasibilityCheck(scene, solver.arm)
+        return cls(config, deployed, solver, model, solver, feasibility, _remembering(model))
 
     def under_gravity(self, down: Vector3 | None) -> IkService:
         """The service where gravity's direction is known, a unit vector in the arm's frame; None: as the model says."""
-        return self._in_state(down, self._load_at)
+        return self._in_state(down, self.load_at)
 
     def with_load_at(self, centre: Vector3) -> IkService:
         """The service where the load's centre is known (m), see `Arm.with_load_at`. Raises `LrmError`."""
-        return self._in_state(self._down, centre)
+        return self._in_state(self.down, centre)
 
     def _in_state(self, down: Vector3 | None, centre: Vector3) -> IkService:
-        other = copy(self)
-        other._down, other._load_at = down, centre
-        other._model, other._solver = self.deployed.model, self._measured
+        model, solver = self.deployed.model, self.measured
         if down is not None:
-            other._model, other._solver = under_gravity(other._model, down), other._solver.under_gravity(down)
+            model, solver = under_gravity(model, down), solver.under_gravity(down)
         if any(centre):
-            other._model, other._solver = with_load_at(other._model, centre), other._solver.with_load_at(centre)
-        other._remembering = _remembering(other._model)
-        other._feasibility = replace(self._feasibility, arm=other._solver.arm)
-        other._solver.warm_up()
-        return other
+            model, solver = with_load_at(model, centre), solver.with_load_at(centre)
+        solver.warm_up()
+        other = replace(self, model=model, remembering=_remembering(model), down=down, load_at=centre)
+        return other._solved_by(solver)
+
+    def _solved_by(self, solver: CalibratedSolver) -> IkService:
+        return replace(self, solver=solver, feasibility=replace(self.feasibility, arm=solver.arm))
 
     def at(self, now: Poses) -> IkService:
         """The service at one pose of which it is known since when the arm has power, which the drift of a joint may
         follow, and what it did before, which a memory follows."""
-        if now.history is not None and self._remembering is not None:
-            now = with_borne_loads(self._remembering, now)
-        added = followed_parts(self._model, now)
-        if not added:
-            return self
-        other = copy(self)
-        other._solver = self._solver.with_offsets(added)
-        other._feasibility = replace(self._feasibility, arm=other._solver.arm)
-        return other
+        if now.history is not None and self.remembering is not None:
+            now = with_borne_loads(self.remembering, now)
+        added = followed_parts(self.model, now)
+        return self._solved_by(self.solver.with_offsets(added)) if added else self
 
     @property
     def nothing_known(self) -> MemoryState | None:
         """Memory of an arm of which nothing is known; None of a model that follows none."""
-        memory = memorised(self._model)
+        memory = memorised(self.model)
         return nothing_known(memory) if memory else None
+
+    def when_powered(self, q: Array, payload: float) -> MemoryState:
+        """Memory of an arm that has just got power at commands q (n,), rad, with a payload (kg)."""
+        assert self.remembering is not None
+        try:
+            return when_powered(self.remembering, memorised(self.model), q, payload)
+        except NoEquilibrium:
+            return nothing_known(memorised(self.model))
 
     def after_stand(
         self, before: MemoryState, q: Array, payload: float, seconds: float, start: Array | None = None
     ) -> MemoryState:
         """Memory after a stand, see `lrm_math.model.memory_record`; as before where the arm does not settle there."""
-        assert self._remembering is not None
+        assert self.remembering is not None
         try:
-            return after_stand(self._remembering, before, q, payload, seconds, start)
+            return after_stand(self.remembering, before, q, payload, seconds, start)
         except NoEquilibrium:
             return before
 
     def among(self, obstacles: Sequence[ObstacleEntry]) -> IkService:
         """The service of the arm among obstacles, beside those of its file."""
-        if self._scene is None:
+        if self.feasibility.scene is None:
             return self
-        other = copy(self)
-        other._scene = Scene.of(self._config.arm, around=[entry.built() for entry in obstacles])
-        other._feasibility = replace(self._feasibility, scene=other._scene)
-        return other
+        scene = Scene.of(self.config.arm, around=[entry.built() for entry in obstacles])
+        return replace(self, feasibility=replace(self.feasibility, scene=scene))
 
     def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:
         """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
@@ -248,7 +266,7 @@ class IkService:
         for goal in goals:
             answer = service._answer(goal, payload, near, method, rounding, motion)
             if known.remembered is not None and answer.q_rad is not None:
-                tool = service._solver.predicted(service._arriving(known, np.array(answer.q_rad), payload)).rotation
+                tool = service.solver.predicted(service._arriving(known, np.array(answer.q_rad), payload)).rotation
 
                 def ask(at: IkService, asked: Goal) -> IkAnswer:
                     return at._permitting(request)._answer(asked, payload, near, method, rounding, motion)
@@ -278,22 +296,20 @@ class IkService:
 
     def _here(self, known: Known, payload: float) -> IkService:
         """The service of the arm where it stands now, see `at`."""
-        return self.at(known.poses(known.motion or Motion.at([0.0] * self._dof), payload))
+        return self.at(known.poses(known.motion or Motion.at([0.0] * self.config.dof), payload))
 
     def _arriving(self, known: Known, q: Array, payload: float, arrival: Motion | None = None) -> Poses:
         """The pose at the end of the way to commands q (n,), rad, at full speed; `arrival`: its record, if given."""
         seconds = 0.0
         if known.motion is not None:
-            pulses = (
-                [s.pulse_ns(x) for s, x in zip(self._config.servos, p, strict=False)] for p in (known.motion.q, q)
-            )
+            pulses = ([s.pulse_ns(x) for s, x in zip(self.config.servos, p, strict=False)] for p in (known.motion.q, q))
             most = max(abs(after - before) for before, after in zip(*pulses, strict=True))
-            seconds = -(-most // self._config.step) * self._config.tick / SECOND
+            seconds = -(-most // self.config.step) * self.config.tick / SECOND
         return known.poses(arrival or known.arrived(q), payload, seconds)
 
     def _with_memory(self, sd: float | None, known: Known, now: Poses) -> float | None:
         """Standard deviation of the tip (m) at one pose, with what is not known of the arm's memory."""
-        if sd is None or known.remembered is None or now.history is None or self._remembering is None:
+        if sd is None or known.remembered is None or now.history is None or self.remembering is None:
             return sd
         begun = (known.remembered.now, *known.remembered.or_else)
         visits = [replace(now.history.visits, begun=one) for one in begun]
@@ -304,23 +320,21 @@ class IkService:
         return math.hypot(sd, *(float(np.linalg.norm(tip - tips[0])) for tip in tips[1:]))
 
     def _tip(self, now: Poses) -> Array:
-        assert self._remembering is not None
-        return np.asarray(solve_equilibrium(self._remembering, now, tolerance=CLOSE).true_tcp[0])
+        assert self.remembering is not None
+        return np.asarray(solve_equilibrium(self.remembering, now, tolerance=CLOSE).true_tcp[0])
 
     def _permitting(self, request: KinematicsRequest) -> IkService:
         """The service of one request, with the contacts that it permits. Raises `LrmError`."""
         contacts = contacts_of(request.may_touch)
-        if not contacts or self._scene is None:
+        if not contacts or self.feasibility.scene is None:
             return self
-        permitting(self._scene, (contact.permit for contact in contacts))
-        other = copy(self)
-        other._feasibility = replace(self._feasibility, model=self._bending, contacts=contacts)
-        return other
+        permitting(self.feasibility.scene, (contact.permit for contact in contacts))
+        return replace(self, feasibility=replace(self.feasibility, model=self._bending, contacts=contacts))
 
     @property
     def _bending(self) -> Model | None:
         """The model by which the arm sags; None for the nominal arm."""
-        return self._model if self.deployed.sha256 else None
+        return self.model if self.deployed.sha256 else None
 
     def _answer(
         self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding,
@@ -329,7 +343,7 @@ class IkService:
         """The answer to one goal, with the time that it took."""
         started = time.perf_counter()
         try:
-            reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible, motion)
+            reply = self.solver.solve(goal, payload, near, method, rounding, self.feasibility.feasible, motion)
             content = self._content(reply, payload)
         except LrmError as error:
             content = {"verdict": "not_converged", "text": str(error)}
@@ -346,8 +360,8 @@ class IkService:
             raise MessageError(f"goals.{number}: {str(error).removeprefix('goal: ')}") from None
 
     def _check_angles(self, name: str, q: Sequence[float] | None) -> None:
-        if q is not None and len(q) != self._dof:
-            raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {self._dof} joints")
+        if q is not None and len(q) != self.config.dof:
+            raise MessageError(f"{name}: {len(q)} angles; {self.config.arm.name} has {self.config.dof} joints")
 
     def forward(self, request: FkRequest, known: Known = UNKNOWN) -> Iterator[FkAnswer]:
         """One answer per row of angles, each computed when it is taken from the iterator. Raises `LrmError`."""
@@ -361,7 +375,7 @@ class IkService:
         for number, q in enumerate(request.q_rad):
             arrival = self._arrival(request, number, known)
             now = self._arriving(known, arrival.q, payload, arrival)
-            f = (here if known.remembered is None else self.at(now))._solver.predicted(now)
+            f = (here if known.remembered is None else self.at(now)).solver.predicted(now)
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=self._with_memory(None if f.uncertainty is None else f.uncertainty.sd, known, now),
@@ -376,7 +390,7 @@ class IkService:
             return Motion.towards(q, request.direction[number])
         if request.near_rad is not None:
             return Motion.between(request.near_rad, q)
-        servos = zip(self._config.servos[: self._dof], q.tolist(), strict=True)
+        servos = zip(self.config.servos[: self.config.dof], q.tolist(), strict=True)
         return replace(known.arrived(np.array([s.angle(s.pulse_ns(angle)) for s, angle in servos])), q=q)
 
     def _outside(self, q: Sequence[float]) -> list[int]:
@@ -386,18 +400,18 @@ class IkService:
 
     def tip_over(self, q: Sequence[float], payload: float) -> float | None:
         """How far (rad) the vehicle is from tipping over at commands (rad); None where the arm file has none."""
-        vehicle = self._config.arm.vehicle
-        if vehicle is None or not any(gravity := self._model.constant_gravity):
+        vehicle = self.config.arm.vehicle
+        if vehicle is None or not any(gravity := self.model.constant_gravity):
             return None
         try:
-            settled = solve_equilibrium(self._model, poses_of(np.array([q]), payload))
+            settled = solve_equilibrium(self.model, poses_of(np.array([q]), payload))
         except NoEquilibrium:
             return None
         return float(tip_over_angles(settled, payload, vehicle, gravity)[0])
 
     def plan(
         self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known = UNKNOWN
-    ) -> JointPath | LineEnd | str:
+    ) -> JointPath | NoPlan:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
@@ -407,51 +421,50 @@ class IkService:
             return self._line(request, check_cancelled, known)
         goals = [request.to_rad] if request.to_rad is not None else self._permitting(request)._commands(request)
         guard = self._guard(request, np.array([request.from_rad, *goals]))
-        planner = Planner(self._config, guard, request.payload_kg or 0.0)
+        planner = Planner(self.config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 
-    def _steadied(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
+    def _steadied(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | NoPlan:
         """A path to a pose in which the vehicle is further from tipping over. Raises `LrmError`."""
-        vehicle, payload, start = self._config.arm.vehicle, request.payload_kg or 0.0, np.array(request.from_rad)
-        if vehicle is None or not any(self._model.constant_gravity):
-            raise RequestError("no_vehicle", f"the arm file of {self._config.arm.name} has no [vehicle], or no gravity")
-        guard, stability = self._guard(request, start[None]), Stability(vehicle, 0.0, self._model)
+        vehicle, payload, start = self.config.arm.vehicle, request.payload_kg or 0.0, np.array(request.from_rad)
+        if vehicle is None or not any(self.model.constant_gravity):
+            raise RequestError("no_vehicle", f"the arm file of {self.config.arm.name} has no [vehicle], or no gravity")
+        guard, stability = self._guard(request, start[None]), Stability(vehicle, 0.0, self.model)
         goals = steadier_poses(stability, guard, start, payload, request.seed, check_cancelled)
         if not len(goals):
-            return "no pose was found in which the vehicle is further from tipping over than where the arm stands"
-        planner = Planner(self._config, guard, payload)
+            where = "than where the arm stands"
+            return NoPlan(f"no pose was found in which the vehicle is further from tipping over {where}")
+        planner = Planner(self.config, guard, payload)
         for goal in goals:
             check_cancelled()
             if guard.check(np.array([start, goal]), payload)[0].free:
-                return with_corners(self._config, np.array([start, goal]))
+                return with_corners(self.config, np.array([start, goal]))
         return planner.find(request.from_rad, goals.tolist(), request.seed, check_cancelled)
 
-    def _line(
-        self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known
-    ) -> JointPath | LineEnd | str:
+    def _line(self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known) -> JointPath | NoPlan:
         """A straight line of the tip, or where it ends. Raises `LrmError`."""
         assert request.goal is not None
         payload = request.payload_kg or 0.0
         _, here = _start(request.from_rad, known)
         motion = Motion.at(request.from_rad) if here is None else replace(here, q=np.array(request.from_rad))
         found = line_path(
-            self._here(known, payload)._solver, payload, motion, self._goal(0, request.goal), check_cancelled
+            self._here(known, payload).solver, payload, motion, self._goal(0, request.goal), check_cancelled
         )
         if isinstance(found, LineEnd):
             return found
         path = np.array(found)
         move, number = self._guard(request, path).check(path, payload)
         if not move.free:
-            tip = self._solver.forward(path[number], payload).tcp
+            tip = self.solver.forward(path[number], payload).tcp
             return LineEnd(f"no straight line: {move} of its part {number + 1} of {len(path) - 1}", tip)
-        return with_corners(self._config, path)
+        return with_corners(self.config, path)
 
     def _guard(self, request: PlanRequest, poses: Array) -> CollisionGuard:
         """The guard of a plan between poses (K, n), with the contacts that it permits. Raises `LrmError`."""
-        if self._scene is None:
-            raise LrmError(f"{self._config.arm.name} has no collision shapes: no path can be checked")
+        if self.feasibility.scene is None:
+            raise LrmError(f"{self.config.arm.name} has no collision shapes: no path can be checked")
         rules = ContactRules(contacts_of(request.may_touch))
-        guard = CollisionGuard(self._scene, self._bending, stability=stability_of(self._config, self._model))
+        guard = CollisionGuard(self.feasibility.scene, self._bending, stability=stability_of(self.config, self.model))
         return guard.permitting(rules, poses, request.payload_kg or 0.0)
 
     def _commands(self, request: PlanRequest) -> list[list[float]]:
@@ -466,10 +479,10 @@ class IkService:
     def _content(self, reply: CalibratedReply, payload: float) -> dict[str, Any]:
         """The fields of an `IkAnswer`, without its time."""
         match reply:
-            case Solved() if self._feasibility.confirms_rounding(reply, payload):
+            case Solved() if self.feasibility.confirms_rounding(reply, payload):
                 return _solved(reply)
             case NoAllowedBranch():
-                text, closest = self._feasibility.reason(reply.branches[0].q, payload)
+                text, closest = self.feasibility.reason(reply.branches[0].q, payload)
                 if closest is None:
                     return {"verdict": "not_converged", "text": text}
                 bodies = [closest.first, closest.second]

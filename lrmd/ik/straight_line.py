@@ -24,6 +24,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.sensed import tool_rotation
+from lrmd.ik.planner import NoPlan
 
 TOLERANCE, TURN_TOLERANCE = 5e-4, 0.02
 """m, rad: how far the tip may leave the line, and the tool its orientation there."""
@@ -42,10 +43,9 @@ MOST_COMMANDS = 1000
 
 
 @dataclass(frozen=True)
-class LineEnd:
+class LineEnd(NoPlan):
     """End of a line (`at`, m) that does not go on to its goal, and why."""
 
-    text: str
     at: Vector3
 
 
@@ -126,7 +126,7 @@ def line_path(
         check_cancelled()
         share, before = waiting[-1], shares[-1]
         found = _next(solver, payload, line, share, records[-1])
-        reason = found if isinstance(found, str) else _bend(solver, payload, line, records[-1], found)
+        reason = found.text if isinstance(found, NoPlan) else _bend(solver, payload, line, records[-1], found)
         if reason:
             if share - before <= LEAST_SHARE or len(records) + len(waiting) > MOST_COMMANDS:
                 x, y, z = line.place(before).tolist()
@@ -142,20 +142,21 @@ def line_path(
     return [tuple(record.q.tolist()) for record in records]
 
 
-def _next(solver: CalibratedSolver, payload: float, line: ToolLine, share: float, before: Motion) -> Motion | str:
+def _next(solver: CalibratedSolver, payload: float, line: ToolLine, share: float, before: Motion) -> Motion | NoPlan:
     """The record after a move on to a share of the line, or why there is none."""
     try:
         reply = solver.solve(line.goal(share), payload, before.q.tolist(), QUICKEST, motion=before)
     except LrmError as error:
-        return str(error)
+        return NoPlan(str(error))
     if not isinstance(reply, Solved):
-        return str(reply)
+        return NoPlan(str(reply))
     q = np.array(min(reply.branches, key=lambda branch: np.abs(np.array(branch.q) - before.q).max()).q)
     turned = np.abs(q - before.q)
     joint = int(turned.argmax())
     if turned[joint] > JUMP:
         degrees = math.degrees(turned[joint])
-        return f"joint {joint + 1} would have to jump by {degrees:.0f} deg: a singular pose, or the end of its branch"
+        why = "a singular pose, or the end of its branch"
+        return NoPlan(f"joint {joint + 1} would have to jump by {degrees:.0f} deg: {why}")
     return before.to(q)
 
 

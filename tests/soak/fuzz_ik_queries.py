@@ -56,7 +56,7 @@ def random_service(rng: random.Random, config: Config) -> ServiceUnderTest:
     """A daemon's service with any model, on a board of any frequency."""
     model, clock = random_model(rng), PwmClock(rng.uniform(50.0, 330.0))
     own = replace(config, arm=model.arm, clock=clock)
-    return ServiceUnderTest(IkService(own, DeployedModel(model, None, "fuzz", "00" * 32, ())), model, clock)
+    return ServiceUnderTest(IkService.of(own, DeployedModel(model, None, "fuzz", "00" * 32, ())), model, clock)
 
 
 def random_requests(rng: random.Random, model: Model, count: int) -> list[Content]:

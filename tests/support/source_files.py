@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -37,6 +38,14 @@ def imported_names(path: Path) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             package = path.relative_to(ROOT).parts[: -node.level] if node.level else ()
             yield from (".".join([*package, *filter(None, [node.module]), alias.name]) for alias in node.names)
+
+
+def late_look_ups(path: Path, package: str) -> set[str]:
+    """Modules of a package that a file names as text, to import them by `import_module`."""
+    constants = (node.value for node in ast.walk(syntax_tree(path)) if isinstance(node, ast.Constant))
+    named = (text for text in constants if isinstance(text, str) and re.fullmatch(rf"{package}(\.[a-z_]\w*)+", text))
+    return {name for name in named if (module := folder_of(package).joinpath(*name.split(".")[1:])).is_dir()
+            or module.with_suffix(".py").is_file()}  # fmt: skip
 
 
 def room_arrows(package: str) -> set[tuple[str, str]]:

@@ -206,19 +206,28 @@ def identified(data: Measurements, most: int) -> tuple[tuple[str, ...], str, Stu
     return tuple(step.added for step in run.steps[1:]), run.report.verdict, study
 
 
-def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
-    """RMS (mm) at fresh poses, up to a rigid motion."""
-    rng, drawn = np.random.default_rng([seed, 68]), model_of(ARM, ())
-    q = np.zeros((0, ARM.dof))
+def fresh_poses(rng: np.random.Generator) -> Array:
+    """(FRESH, n), rad, of the whole workspace before the arm and above the table."""
+    q, drawn = np.zeros((0, ARM.dof)), model_of(ARM, ())
     while len(q) < FRESH:
         one = rng.uniform(*(0.6 * LIMITS.T))
         x, _, z = solve_equilibrium(drawn, poses_of(one)).tcp[0]
         if z > 0.02 and x > 0.08:
             q = np.vstack([q, one])
-    true = tips(q, 1000)
+    return q
+
+
+def deployed_poses(q: Array) -> Poses:
+    """Straight moves along joint angles (N, n), rad, without a load."""
     moves, states = recorded(q, q[0], np.zeros(len(q), dtype=np.bool_))
-    poses = Poses(q, np.zeros(len(q)), direction=moves, friction=states)
-    found = solve_equilibrium(as_deployed(study.model), poses).tcp
+    return Poses(q, np.zeros(len(q)), direction=moves, number=np.arange(1, len(q) + 1), friction=states)
+
+
+def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
+    """RMS (mm) at fresh poses, up to a rigid motion."""
+    q = fresh_poses(np.random.default_rng([seed, 68]))
+    true = tips(q, 1000)
+    found = solve_equilibrium(as_deployed(study.model), deployed_poses(q)).tcp
     motion = similarity(found, true, np.ones(len(q)), mirrored=False, scale=1.0)
     return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
 

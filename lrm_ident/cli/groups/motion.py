@@ -31,9 +31,10 @@ from lrm_ident.measuring.motion.motion_report import (
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.settling_times import longest, settling_times
 from lrm_ident.measuring.recordings.command_log import read_command_log
+from lrm_ident.measuring.recordings.readers import FORMATS
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.effects import listed
-from lrm_ident.report.plain_names import PLAIN
+from lrm_ident.report.plain_names import WORDS
 from lrm_ident.workbench.motion_page import motion_page
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
@@ -67,10 +68,7 @@ Recording = Annotated[
 ]
 MotionPath = Annotated[Path, Argument(metavar="MODEL", help="A motion model written by motion fit.")]
 NewMotion = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the motion model.")]
-TIP_HELP = (
-    "What a tracker recorded while the commands were logged: a CSV with t_s, x_mm, y_mm, z_mm, an export of Motive or "
-    "Vicon, DTrack's ASCII output, or an MCAP file."
-)
+TIP_HELP = f"What a tracker recorded while the commands were logged: {FORMATS}."
 SOURCE_OPTIONS: dict[str, Any] = {
     "tip": (Path | None, Option(metavar="FILE", help=TIP_HELP)),
     "tool": (str | None, Option(metavar="BODY", help="Of the tracker's file: the body at the tip.")),
@@ -347,7 +345,7 @@ def effects(
     if name is not None and name not in known:
         raise UnknownName("effect of motion", name, list(known))
     if name is None:
-        rows = [(kind.id, PLAIN[kind.id].format(place="a joint"), kind.about.cause) for kind in known.values()]
+        rows = [(kind.id, WORDS[kind.id]["name"].format(place="a joint"), kind.about.cause) for kind in known.values()]
         table = ResultTable(("effect", "name", "cause"), rows, "Effects of motion")
         names = list(listed("lrm-ident motion effects EFFECT", "Effects of motion", list(known)))
         document = Document(names, "lrm/motion-effects/1", {"effects": table.records()}, None, [table], "their causes")

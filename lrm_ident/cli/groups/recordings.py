@@ -15,6 +15,7 @@ from lrm_ident.cli.common import notice, one_of, progress, publish, read_measure
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.write import write_with_metadata
 from lrm_ident.data.wording import joint_labels
+from lrm_ident.measuring.recordings.readers import FORMATS
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import AngleUnit
@@ -33,7 +34,7 @@ def import_(
         Path,
         Argument(
             metavar="RECORDING",
-            help="A CSV of OptiTrack Motive or Vicon, DTrack's ASCII output, an .mcap, or a .mat of positions.",
+            help=f"A tracker's recording: {FORMATS}. Or a .mat of positions.",
         ),
     ],
     poses: Annotated[

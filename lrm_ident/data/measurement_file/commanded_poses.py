@@ -45,6 +45,7 @@ def read_poses(
         sides = feasible_approach(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
+    load = none if payload is None else payload
     friction = states if straight else None
     if not straight and beside is not None and "sides" in table:
         begins = after_gap(number) | (False if session is None else np.diff(session, prepend=session[:1]) != 0.0)
@@ -52,7 +53,7 @@ def read_poses(
     down = _gravity(table, arm, how)
     return Poses(
         q=q,
-        payload=none if payload is None else payload,
+        payload=load,
         direction=sides,
         t=t,
         session=session,
@@ -60,7 +61,7 @@ def read_poses(
         number=number,
         friction=friction,
         gravity=down,
-        history=history_of(q, none if payload is None else payload, t, session, number, down, start),
+        history=history_of(q, load, t, session, number, down, start, table.column("hold")),
         running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )

@@ -33,6 +33,7 @@ CROSS_COVARIANCE = tuple(f"c{a}{u}_mmdeg" for a in AXES for u in TURNS)
 TURN_COVARIANCE = tuple(f"c{u}{w}_deg2" for u, w in combinations_with_replacement(TURNS, 2))
 DATES = "seconds since the start, or dates as 2024-07-15T10:15:00"
 TIME = PlausibleSize("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
+HOLD = PlausibleSize("time to stand before the reading", "s", 0.0, 1e5, times(milliseconds=1e-3))
 TEMPERATURE = PlausibleSize("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)})
 SUPPLY = PlausibleSize("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3))
 COORDINATE = PlausibleSize("a coordinate of a position", "mm", 0.0, 1e7)
@@ -55,6 +56,7 @@ class NumberRule:
 
 ABOVE_ZERO = NumberRule(lambda values: values <= 0.0, "not above zero")
 NOT_BELOW_ZERO = NumberRule(lambda values: values < 0.0, "a negative load")
+NO_NEGATIVE_TIME = NumberRule(lambda values: values < 0.0, "a negative time")
 WHOLE = NumberRule(lambda values: np.nan_to_num(values) % 1.0 != 0.0, "not a whole number")
 UNIT_LENGTH = NumberRule(
     lambda values: np.abs(np.linalg.norm(values, axis=1, keepdims=True) - 1.0) > 0.01,
@@ -118,6 +120,7 @@ KNOWN = (
     PoseQuantity("temperature", ("temp_c",), ("temp", "temperature"), size=TEMPERATURE, commanded=True),
     PoseQuantity("payload", ("payload_g",), ("payload", "load", "mass"), NOT_BELOW_ZERO, commanded=True),
     PoseQuantity("approach", ("approach",), ("direction",), SIDES, commanded=True),
+    PoseQuantity("hold", ("hold_s",), (), NO_NEGATIVE_TIME, size=HOLD, commanded=True),
     PoseQuantity("gravity", DOWN, (), OF_GRAVITY, commanded=True),
     PoseQuantity("tilt", TILT, (), LEANING, commanded=True),
     PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),

@@ -15,6 +15,7 @@ from lrm_ident.data.measurement_file.known_columns import (
     ABOVE_ZERO,
     DISTANCE,
     KNOWN,
+    NO_NEGATIVE_TIME,
     NOT_BELOW_ZERO,
     POSITION,
     WHOLE,
@@ -71,7 +72,7 @@ def _cell(quantity: PoseQuantity, column: str) -> dict[str, Any]:
     cell["type"] = _type(quantity)
     if quantity.rule is ABOVE_ZERO:
         cell["exclusiveMinimum"] = 0
-    if quantity.rule is NOT_BELOW_ZERO:
+    if quantity.rule in (NOT_BELOW_ZERO, NO_NEGATIVE_TIME):
         cell["minimum"] = 0
     if quantity.size is not None and quantity.rule is None:
         cell |= {"minimum": -quantity.size.high, "maximum": quantity.size.high}

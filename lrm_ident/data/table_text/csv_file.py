@@ -28,7 +28,8 @@ COMMENT = ("#", "%", "//")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
-RECORDING = re.compile(r"\s*(Format Version|(?:Objects|Segments|Trajectories)(?=[,;\s]*\n))")
+RECORDING = re.compile(r"\s*(Format Version|(?:Objects|Segments|Trajectories)(?=[,;\s]*\n)|fr[ \t]+\d+(?=\s*\n))")
+"""Begin of a tracker's recording that is no table with one header (`measuring.recordings.readers`)."""
 TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
 
 
@@ -107,7 +108,7 @@ def read_table(path: Path) -> CsvTable:
         what = f"is a file of the schema {schema[1]}, no table"
         raise FileError(path, "", what, "the data are a CSV: do the arguments stand in another order?")
     if begin := RECORDING.match(file.text):
-        what = f"begins with '{begin[1]}': a recording of OptiTrack or Vicon"
+        what = f"begins with '{begin[1]}': a tracker's recording"
         raise FileError(path, "", what, "lrm-ident import RECORDING POSES -o DATA makes measurements of it")
     lines = file.text.splitlines()
     kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]

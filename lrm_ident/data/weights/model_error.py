@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrm_ident.data.error_stats import CHI3_MEDIAN
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium
@@ -18,7 +19,6 @@ from lrm_math.model.equilibrium import Equilibrium
 AXES = 3
 ALIKE = 1.2  # largest over smallest standard deviation: nothing is weighed then
 TRIMMED = 5.0  # robust standard deviations
-CHI3_MEDIAN = 1.5381724
 HALVINGS = 60
 WORTH_SAYING = 2.0  # model error over stated noise
 

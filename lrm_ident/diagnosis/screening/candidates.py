@@ -96,7 +96,7 @@ def _priority(effect: Effect, present: set[str]) -> int:
     """See `Candidate.priority`."""
     if present & {effect.name, *variants(effect)}:
         return REFINEMENT
-    return FORM if effect.variant_of else PLAIN
+    return FORM if effect.is_free_form else PLAIN
 
 
 def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:

@@ -37,7 +37,7 @@ class Penalty:
 
 def penalties_of(model: Model) -> tuple[Penalty, ...]:
     """Penalties of the model's free forms, on roughness and on size."""
-    return tuple(penalty for effect in model.effects if effect.variant_of for penalty in _of_form(effect, model.free))
+    return tuple(penalty for effect in model.effects if effect.is_free_form for penalty in _of_form(effect, model.free))
 
 
 def _of_form(effect: Effect, free: Sequence[str]) -> list[Penalty]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable
+from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable, held
 
 
 @dataclass
@@ -70,7 +70,7 @@ class PhotoCampaign:
                 state = self.arm.go(pose)
             except Unreachable as error:
                 return str(error)
-            self.clock.sleep(self.timing.settle)
+            self.clock.sleep(held(self.timing, pose).settle)
             self.take(len(found.poses) + 1)
             if not (why := self.arm.disturbed()):
                 found.poses.append(pose)

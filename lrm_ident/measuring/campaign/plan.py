@@ -21,7 +21,8 @@ class PlannedPose:
     """A pose to measure.
 
     `q`: rad. `payload`: kg. `approach`: side from which each joint arrives (1: from below, −1: from above, 0: as it
-    comes); empty: all as they come. `repeat_of`: number of the pose that it repeats, else its own.
+    comes); empty: all as they come. `repeat_of`: number of the pose that it repeats, else its own. `hold`: how long it
+    stands there at least before it is measured (s).
     """
 
     number: int
@@ -29,6 +30,7 @@ class PlannedPose:
     payload: float
     approach: tuple[int, ...]
     repeat_of: int
+    hold: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
 
 
 def load_plan(path: Path, arm: Arm) -> CampaignPlan:
-    """Reads `pose, q1_deg …, payload_g, approach1 …, repeat_of`, as `design` writes them. Raises `FileError`."""
+    """Reads `pose, q1_deg …, payload_g, approach1 …, repeat_of, hold_s`, as `design` writes. Raises `FileError`."""
     poses, table = load_pose_table(path, arm, more=["repeat_of"])
     number = table.integers("pose")
     if len(set(number.tolist())) < len(number):
@@ -55,9 +57,10 @@ def load_plan(path: Path, arm: Arm) -> CampaignPlan:
     repeats = table.integers("repeat_of") if "repeat_of" in table else number
     stated = poses.direction if "approach" in table or "sides" in table else None
     approach = np.zeros((len(number), 0)) if stated is None else stated
-    columns = (number, poses.q, poses.payload, approach, repeats)
+    hold = table.column("hold")
+    columns = (number, poses.q, poses.payload, approach, repeats, np.zeros(len(number)) if hold is None else hold)
     planned = (
-        PlannedPose(int(n), tuple(q.tolist()), float(load), tuple(map(int, sides)), int(of))
-        for n, q, load, sides, of in zip(*columns, strict=True)
+        PlannedPose(int(n), tuple(q.tolist()), float(load), tuple(map(int, sides)), int(of), float(waits))
+        for n, q, load, sides, of, waits in zip(*columns, strict=True)
     )
     return CampaignPlan(tuple(planned), table.cells.sha256, pose_doubts(path, arm, poses))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from lrm_ident.data.wording import in_mm
@@ -85,6 +85,11 @@ class PredictedSettling(PoseTiming):
         return PoseTiming(0.0, max(self.settle, arm.settle_s), self.dwell, self.attempts)
 
 
+def held(timing: PoseTiming, pose: PlannedPose) -> PoseTiming:
+    """The timing of the stop at a pose that is to be held."""
+    return replace(timing, settle=pose.hold) if pose.hold > timing.settle else timing
+
+
 @dataclass(frozen=True)
 class CampaignProgress:
     """Event at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
@@ -148,7 +153,7 @@ class PoseCampaign:
             except Unreachable as error:
                 faults.append(str(error))
                 break
-            timing = self.timing.after_motion(self.arm)
+            timing = held(self.timing.after_motion(self.arm), pose)
             rest = rest_at(self.tracker, self.numbers, self.clock, timing, begin)
             if why := self.arm.disturbed():
                 words = f"pose {pose.number}: its row is dropped: {why}"

@@ -16,9 +16,8 @@ from lrm_ident.measuring.motion.tip_moves import tip_moves
 from lrm_ident.measuring.recordings.command_log import read_command_log
 from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
-from lrm_ident.measuring.recordings.mcap_file import read_mcap
+from lrm_ident.measuring.recordings.readers import read_take
 from lrm_ident.measuring.recordings.take import TipTrack
-from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.errors import FileError
@@ -38,7 +37,8 @@ class MotionSource:
     Attributes:
         recording: a LeRobot dataset, or a log of commands (CSV or MCAP). tip: what a tracker recorded meanwhile; None:
             it is in the log's own file. tool, base: bodies of it. topic: of commands in an MCAP file. rotation: as in
-            `read_export`. rest: a fitted model of poses; None: the nominal arm. angle_unit, prefix: see `read_frames`.
+            `RecordingFile`. rest: a fitted model of poses; None: the nominal arm. angle_unit, prefix: see
+            `read_frames`.
     """
 
     recording: Path
@@ -69,7 +69,7 @@ class MotionSource:
                 "a log of commands alone shows no motion",
                 "--tip and the tracker's file, or columns q1_meas_deg, ...",
             )
-        take = read_mcap(tip) if tip.suffix == MCAP else read_export(tip, self.rotation)
+        take = read_take(tip, self.rotation)
         track = TipTrack.of(take.path, take.pair(self.tool, self.base))
         return tip_moves(log, track, self._at_rest(arm))
 

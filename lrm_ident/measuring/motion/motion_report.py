@@ -8,7 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_percent, joint_labels
-from lrm_ident.diagnosis.attribution import term_of
+from lrm_ident.diagnosis.attribution import support_of, term_of, unexplained_ratio
+from lrm_ident.diagnosis.evidence import NO_EVIDENCE
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.measuring.motion.motion_study import JudgedEffect, MotionStudy
 from lrm_ident.measuring.motion.moves import Moves
 from lrm_ident.measuring.motion.regimes import worst_regimes
@@ -169,15 +171,15 @@ def _conclusion(
     name, alike = first.effect.name, [plain_name(one) for one in best.equivalent]
     what = f"{plain_name(name)} ({name})"
     before, after = best.before.held_out_rms, first.held_out
-    ratio = max(after**2 - (FLOOR_RATIO * best.noise) ** 2, 0.0) / (before**2 - after**2)
+    squares = before**2 - after**2, max(after**2 - (FLOOR_RATIO * best.noise) ** 2, 0.0)
     if alike:
         headline = f"{MISSING}: {what}, or another that these moves cannot distinguish from it"
         certainty = f"it, or {enumerate_words(alike, LISTED)}: these moves cannot distinguish them"
-    elif ratio > MAX_UNEXPLAINED_RATIO:
+    elif support_of(*squares, NO_EVIDENCE) != Support.FINDING:
         headline = f"An effect is missing from the model. The best candidate: {what}"
         certainty = (
-            f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
-            f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it, or join it"
+            f"only a candidate cause: {unexplained_ratio(*squares):.1f} times as much squared error stays unexplained "
+            f"as it explains (limit {MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it, or join it"
         )
     else:
         headline, certainty = (

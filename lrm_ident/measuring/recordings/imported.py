@@ -18,11 +18,11 @@ from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
-from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
+from lrm_ident.measuring.recordings.mcap_file import read_joints
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
+from lrm_ident.measuring.recordings.readers import read_take
 from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.time_matching import Rows, rows_of_same_time
-from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -60,7 +60,7 @@ class RecordingOrder:
 
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
-    `rotation`: of a Vicon export, see `read_export`. `angle_unit`: of the joint angles, as in `Reading`.
+    `rotation`: of a Vicon export, see `RecordingFile`. `angle_unit`: of the joint angles, as in `Reading`.
     `orientation`: whether the tool's orientation is wanted, too.
     """
 
@@ -139,7 +139,7 @@ class ImportedRows:
 
 
 def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder) -> ImportedRows:
-    """Reads a `.mat` file of positions, or a recording of Motive, Vicon or ROS 2 (MCAP). Raises `LrmError`.
+    """Reads a `.mat` file of positions, or a recording that one of `READERS` reads. Raises `LrmError`.
 
     `poses` may be an MCAP file: the joint states in it at the rests, without loads. Or a table of joint states with
     times, of any clock: rows nearer to each other than a rest lasts; its rests are those of the tip, in order.
@@ -147,7 +147,7 @@ def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder)
     driven = None if poses.suffix == MCAP else _driven(poses, arm, order)
     if source.suffix == ".mat" and driven is not None:
         return _one_each(source, driven, order)
-    take = read_mcap(source) if source.suffix == MCAP else read_export(source, order.rotation)
+    take = read_take(source, order.rotation)
     rests, driven = _rests(take, order, driven)
     if driven is None:
         q, number = read_joints(poses, arm, take.t), np.arange(1.0, len(rests) + 1)

@@ -1,5 +1,4 @@
-"""Exports of trackers: CSV of OptiTrack's Motive, of Vicon's Tracker and Nexus, and the plain `t_s, x_mm, y_mm, z_mm`;
-DTrack's ASCII output (`dtrack_file`).
+"""Exports of trackers: CSV of OptiTrack's Motive, of Vicon's Tracker and Nexus, and the plain `t_s, x_mm, y_mm, z_mm`.
 
 Motive, format versions 1.2x (docs.optitrack.com, "Data Export: CSV"): the first line has pairs of names and values,
 among them `Format Version`, `Rotation Type`, `Length Units`. After an empty line stand rows that say of every column
@@ -25,8 +24,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
-from lrm_ident.data.table_text.csv_file import DECIMAL_COMMA, read_text
-from lrm_ident.measuring.recordings.dtrack_file import dtrack_take, is_dtrack
+from lrm_ident.data.table_text.csv_file import DECIMAL_COMMA
 from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_ident.measuring.tracker.growing_csv import COLUMNS as PLAIN
 from lrm_math.arm.arm_file import MM
@@ -36,6 +34,8 @@ from lrm_math.errors import FileError
 UNITS = {"meters": "m", "centimeters": "cm", "millimeters": "mm"}
 BODIES = ("Rigid Body", "Marker", "Bone")
 """Types of columns that have a position; a `Rigid Body Marker` repeats what its body says."""
+MOTIVE = "Format Version"
+"""First cell of an export of Motive."""
 TITLES = ("Objects", "Segments", "Trajectories")
 PREFIX = re.compile(r"^Global (?:Angle|Translation)(?: \([^)]*\))?\s*")
 """Prefix that Tracker writes before the name of a body."""
@@ -44,33 +44,7 @@ AMBIGUOUS = "Euler angles and helical vectors look the same; say --rotation heli
 Cells = list[list[str]]
 
 
-def read_export(path: Path, rotation: str | None) -> RecordedTake:
-    """All bodies of an export.
-
-    Args:
-        rotation: what three numbers of a rotation are that Vicon has written, one of `ROTATIONS`; None: not known.
-
-    Raises `FileError`: not as described above, other units, no body, sections of different lengths.
-    """
-    text = read_text(path).text
-    if is_dtrack(text):
-        return dtrack_take(path, text)
-    cells = _cells(path, text)
-    begin = cells[0][0] if cells else ""
-    if begin == "Format Version":
-        return _motive(path, cells)
-    if begin in TITLES:
-        return _vicon(path, cells, rotation)
-    if cells and {*PLAIN} <= {*cells[0]}:
-        return _plain(path, cells)
-    right = (
-        "should be a .mat file of positions, an .mcap, a CSV export of OptiTrack Motive, Vicon Tracker or Nexus, "
-        f"DTrack's ASCII output, or a CSV with {', '.join(PLAIN)}"
-    )
-    raise FileError(path, "line 1", f"begins with '{begin[:30]}'", right)
-
-
-def _cells(path: Path, text: str) -> Cells:
+def table_cells(path: Path, text: str) -> Cells:
     """All lines, empty ones as one empty cell, without spaces around; semicolons, tabs or commas.
 
     As Excel saves an export: with a line `sep=;`, and decimal commas where commas do not divide cells.
@@ -101,12 +75,14 @@ def _numbers(path: Path, rows: Cells, first: int, columns: Sequence[int]) -> Arr
     return out
 
 
-def _plain(path: Path, cells: Cells) -> RecordedTake:
+def plain_take(path: Path, cells: Cells) -> RecordedTake:
+    """The tip of a plain table."""
     numbers = _numbers(path, cells, 1, [cells[0].index(name) for name in PLAIN])
     return RecordedTake(path, numbers[:, 0], {"tip": BodyTrack(numbers[:, 1:] * MM)})
 
 
-def _motive(path: Path, cells: Cells) -> RecordedTake:
+def motive_take(path: Path, cells: Cells) -> RecordedTake:
+    """All bodies of an export of Motive. Raises `FileError`."""
     about = dict(zip(cells[0][0::2], cells[0][1::2], strict=False))
     unit = about.get("Length Units", "")
     if unit.lower() not in UNITS:
@@ -140,7 +116,8 @@ def _motive(path: Path, cells: Cells) -> RecordedTake:
     return RecordedTake(path, t, bodies)
 
 
-def _vicon(path: Path, cells: Cells, rotation: str | None) -> RecordedTake:
+def vicon_take(path: Path, cells: Cells, rotation: str | None) -> RecordedTake:
+    """All bodies of an export of Vicon; `rotation`: one of `ROTATIONS`. Raises `FileError`."""
     begins = [k for k, row in enumerate(cells) if row[0] in TITLES]
     t, bodies = None, dict[str, BodyTrack]()
     for begin, end in zip(begins, [*begins[1:], len(cells)], strict=True):

@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from lrm_ident.data.wording import in_mm
+from lrm_ident.design.observability import MM_PER_M
 from lrm_ident.measuring.verification.goal_run import AttainedPosition, Verification
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
-
-MM = 1e3
-
 
 FIGURES = ("mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
 UNLIKE = 10.0
@@ -66,9 +64,9 @@ def values(found: Verification) -> dict[str, Any]:
     return {
         "model": found.model,
         "model_sha256": found.model_sha256,
-        "error": {f"{name}_mm": getattr(error, name) * MM for name in ("mean", "rms", "max", "sd")},
-        "rounding_rms_mm": found.rounding * MM,
-        "predicted_rms_mm": None if predicted is None else predicted * MM,
+        "error": {f"{name}_mm": getattr(error, name) * MM_PER_M for name in ("mean", "rms", "max", "sd")},
+        "rounding_rms_mm": found.rounding * MM_PER_M,
+        "predicted_rms_mm": None if predicted is None else predicted * MM_PER_M,
         "angle_rms_deg": None if found.turn is None else degrees(found.turn),
         "goals": goal_table(found.attained).records(),
         "not_reached": {str(number): why for number, why in found.failed.items()},
@@ -81,8 +79,8 @@ def goal_table(attained: Sequence[AttainedPosition]) -> ResultTable:
     columns = ["goal|d", "place", *axes, "error_mm|.3f", "rounding_mm|.3f", "predicted_sd_mm|.3f", "measured_sd_mm|.3f"]
     rows: list[tuple[object, ...]] = [
         (
-            one.number, one.place, *(MM * v for v in (*one.goal, *one.tip)), MM * one.error, MM * one.rounding,
-            None if one.sd is None else MM * one.sd, MM * one.spread,
+            one.number, one.place, *(MM_PER_M * v for v in (*one.goal, *one.tip)), MM_PER_M * one.error,
+            MM_PER_M * one.rounding, None if one.sd is None else MM_PER_M * one.sd, MM_PER_M * one.spread,
         )
         for one in attained
     ]  # fmt: skip

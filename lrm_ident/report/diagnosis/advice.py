@@ -7,7 +7,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from lrm_ident.design.advice import Advice, CandidateCause, advise
+from lrm_ident.design.advice import Advice, advise
+from lrm_ident.design.expected_lead import CandidateCause
 from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
@@ -16,7 +17,7 @@ from lrm_math.effects import variants
 MOST_CAUSES = 4
 """That poses are sought for, the best first."""
 BY_ORDER = frozenset({"time", "session"})
-"""What only the order of measuring can tell, and no choice of poses."""
+"""What only the order of measuring can tell, and no choice of poses; but a memory shows where poses are held."""
 _KNOWN: WeakKeyDictionary[DiagnosisReport, Advice | None] = WeakKeyDictionary()
 
 
@@ -25,7 +26,8 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     first, attribution = report.first, attribution_of(report)
     if first is None or attribution is None:
         return ()
-    known = {one.name for one in report.ranking if BY_ORDER.isdisjoint(one.scored.candidate.effect.depends_on)}
+    effects = {one.name: one.scored.candidate.effect for one in report.ranking}
+    known = {name for name, one in effects.items() if one.remembers or BY_ORDER.isdisjoint(one.depends_on)}
     stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
 

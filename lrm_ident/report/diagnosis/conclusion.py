@@ -12,15 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm
-from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
+from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import plain_name
-from lrm_ident.report.repairs import by_hand
+from lrm_ident.report.plain_names import by_hand, plain_name
 from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
@@ -28,7 +27,11 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-LISTED, STANDS_FOR, REASONS = 4, 2, 3
+LISTED, STANDS_FOR, REASONS, REASONS_SHOWN = 4, 2, 3, 2
+FIRST = ("estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most")
+"""Facts that page and report show before the others are unfolded."""
+SHOWN = (*FIRST, "held-out error", "where", "far off", "rows", "valid")
+"""Facts that a terminal shows without `--all`: also the errors, and what may be wrong with the data."""
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -89,8 +92,14 @@ class Conclusion:
                 steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
-        why = section("What these poses lack", self.reasons)
-        return [heading(self.headline), Facts(self.facts), *why, *(steps if self.next else ())]
+        why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
+        shown = tuple(fact for fact in self.facts if fact[0] in SHOWN)
+        return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
+
+    @property
+    def further(self) -> tuple[tuple[str, str], ...]:
+        """The facts that stand in the details."""
+        return tuple(fact for fact in self.facts if fact[0] not in SHOWN)
 
     def as_json(self) -> dict[str, object]:
         """The table `conclusion`."""
@@ -140,7 +149,7 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     refined = set(variants(first.scored.candidate.effect)) & {one.name for one in report.diagnosis.fit.model.effects}
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
-    if first.scored.candidate.effect.variant_of:
+    if first.scored.candidate.effect.is_free_form:
         return HEADLINES[Verdict.EFFECT_DESCRIBES]
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
         return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
@@ -163,10 +172,10 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         named = attribution != Support.DESCRIPTION and not first.equivalent
         yield "repair", by_hand(first.scored.candidate.effect) if named else ""
     if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
-        yield "black-box model", report.left.predictable.brief
+        yield "black-box model", report.patterns.predictable.brief
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", report.left.regimes[0].brief if report.left.regimes else ""
+    yield "where", report.patterns.regimes[0].brief if report.patterns.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
@@ -194,7 +203,7 @@ def _fall(before: float, after: float) -> str:
 
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
-    bound = f"noise at most {in_mm(report.left.predictable.noise_bound)} mm"
+    bound = f"noise at most {in_mm(report.patterns.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
     if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
@@ -206,11 +215,11 @@ def _held_out(report: DiagnosisReport) -> str:
 
 def _bounds_noise(report: DiagnosisReport) -> bool:
     """Whether nothing but the black-box model tells how small the noise is at most."""
-    return report.diagnosis.floor.rms is None and report.left.predictable.more_to_find
+    return report.diagnosis.floor.rms is None and report.patterns.predictable.more_to_find
 
 
 def _predicted(report: DiagnosisReport) -> str:
-    return f", systematic: a black-box model reaches {in_mm(report.left.predictable.error.rms)} mm"
+    return f", systematic: a black-box model reaches {in_mm(report.patterns.predictable.error.rms)} mm"
 
 
 def _deployed(report: DiagnosisReport) -> str:
@@ -231,11 +240,13 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         return f"{plain_name(first.name)}: {_fall(report.held_out.rms, first.held_out_rms)}"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == Support.POSSIBLE_CAUSE:
-        ratio = unexplained_ratio(report) or 0.0
-        if not report.replicates:
-            rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
-            return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
+        explained, left = explained_by_first(report) or (0.0, 0.0)
+        ratio = unexplained_ratio(explained, left)
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
+        if not report.replicates:
+            return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
+        if explained <= 0.0:
+            return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"
         return (
             f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
             f"{MAX_UNEXPLAINED_RATIO:.2f}), so the cause may be another.{rivals}"
@@ -254,7 +265,7 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
         for one in report.ranking
         if one is not first
         and one.scored.candidate.effect.names_a_cause
-        and not one.scored.candidate.effect.variant_of
+        and not one.scored.candidate.effect.is_free_form
         and one.name not in own
         and not one.scored.implausible
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,16 +11,15 @@ from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
-from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
+from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.claim import with_unit
-from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to_estimates, objection_to_prediction
 from lrm_ident.diagnosis.judgement import Support
-from lrm_ident.fitting.held_out import held_out_squares
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
-from lrm_ident.report.document import Block, CommandLine, Document, Facts, ResultTable, heading
-from lrm_ident.report.fit import error_blocks, parameter_table
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
+from lrm_ident.report.fit import diagnose_next, error_blocks, parameter_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
@@ -31,7 +29,9 @@ from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import EffectRef, effect_of
+from lrm_math.model.covariance import Covariance, implausible_estimates
 from lrm_math.model.deployed_model import field_of
+from lrm_math.model.model_file import AttributionTerm
 
 if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
@@ -70,32 +70,46 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | N
 
 
 def step_document(
-    effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary, files: Sequence[str] = ()
+    effect: str,
+    step: StudyStep,
+    before: ErrorSummary,
+    after: ErrorSummary,
+    known: Covariance | None = None,
+    files: Sequence[str] = (),
 ) -> Document:
-    """Result of `lrm-ident add`, schema `lrm/step/1`. `files`: the new model and the data, for the next command."""
+    """Result of `lrm-ident add`, schema `lrm/step/1`.
+
+    Args:
+        known: covariance of the parameters before the step.
+        files: the new model and the data, for the next command.
+    """
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     earlier = error_blocks(before, f"Before: {free} parameters")
     table = error_blocks(after, f"With {_said(step, effect)}: {now} parameters")
-    following: list[Block] = ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}")] if files else []
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
-    verdict = verdict_on(effect, step, before, after)
+    verdict = verdict_on(effect, step, before, after, known)
     values |= {"verdict": verdict or None}
     told = [Facts((("verdict", verdict),))] if verdict else []
-    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *following]
+    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *diagnose_next(files)]
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
 
 
-def verdict_on(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> str:
+def verdict_on(
+    effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary, known: Covariance | None
+) -> str:
     """Whether the data support an effect that was added, in words; empty where no held-out error tells."""
-    squares = [held_out_squares(errors.held_out.blocks) for errors in (before, after) if errors.held_out.blocks]
-    old, kind = () if step.start is None else step.start.free, EffectRef.parse(effect).id
-    own = [key for key in step.fit.model.free if key not in old and EffectRef.parse(effect_of(key)).id == kind]
-    if len(squares) < 2 or len(squares[0]) != len(squares[1]) or not own:
+    without, with_it, start = before.held_out, after.held_out, step.start
+    if start is None or without.residual is None or with_it.residual is None or not (without.blocks and with_it.blocks):
         return ""
-    if objection := objection_to(step.fit, own, *squares):
+    kind = EffectRef.parse(effect).id
+    own = [key for key in step.fit.model.free if key not in start.free and EffectRef.parse(effect_of(key)).id == kind]
+    if len(without.residual) != len(with_it.residual) or not own:
+        return ""
+    objection = objection_to_estimates(step.fit, own, implausible_estimates(start, known))
+    if objection := objection or objection_to_prediction(without.blocks, with_it.blocks):
         return f"no evidence for it: {objection}. Undo the step unless you know the cause."
     if step.evidence.equivalent:
         rivals = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
@@ -154,7 +168,7 @@ def course_document(
             name: {"without_mm": before * 1e3, "with_mm": after * 1e3}
             for name, (before, after) in course.confirmed.worse_deployed.items()
         },
-        **left_values(report.left),
+        **left_values(report.patterns),
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
         "as_deployed_effects_fixed": held_out.deployed,
@@ -187,7 +201,7 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
     label = "estimate"
     for step, one in zip(course.steps[1:], course.attributions, strict=True):
         effect = present.get(step.added)
-        if one.kind == Support.DESCRIPTION or effect is None or effect.variant_of or not effect.about.claim:
+        if one.kind == Support.DESCRIPTION or effect is None or effect.is_free_form or not effect.about.claim:
             continue
         words = {
             p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)
@@ -222,7 +236,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
         others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
     ratios = [
-        f"{step.added} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
+        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f})"
         for step, one, explained in steps
         if one.kind == Support.POSSIBLE_CAUSE
     ]
@@ -240,7 +254,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
 def _chosen(nested: NestedResidual) -> str:
     """Number of folds in which each effect was chosen: what few choose is unstable."""
     if nested.error is None:
-        return f"the choice of effects (nested): {nested.reason}"
+        return f"whether other poses would lead to the same effects (nested): {nested.reason}"
     often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     more = f"; {once} {'more ' if often else ''}in one each" if once else ""

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, poses_words
-from lrm_ident.diagnosis.attribution import attribution_of, unexplained_mean_square, unexplained_ratio
+from lrm_ident.diagnosis.attribution import (
+    attribution_of,
+    explained_by_first,
+    term_of,
+    unexplained_mean_square,
+    unexplained_ratio,
+)
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -24,10 +30,10 @@ from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
 STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of several"}
-ATTRIBUTED: Mapping[Support | None, str] = {Support.FINDING: "identified", Support.POSSIBLE_CAUSE: "candidate cause"}
 BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 HARDLY_SHOWS = "its typical size would hardly show in what is left now"
+BLACK_BOX = "black-box model"
 MORAN = "spatial autocorrelation (Moran's I)"
 ABOUT = "every candidate, its reason, and what these poses cannot show"
 
@@ -38,21 +44,21 @@ def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FI
     said = concluded.blocks()
     counts = attribution_of(report) in (Support.FINDING, Support.POSSIBLE_CAUSE)
     blocks = [*said, *(_candidates(report, room_below(said)) if counts else ())]
-    details = [*_candidates(report, RANKED), *_details(report)]
+    details = [*_candidates(report, RANKED), *_details(report, concluded)]
     return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=details, about=ABOUT)
 
 
 def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]:
     """Values for machines."""
-    found = report.diagnosis
+    found, squares = report.diagnosis, explained_by_first(report)
     return {
         "conclusion": concluded,
         "poses": len(found.data),
         "parameters": len(found.fit.model.free),
-        "error": {"fit": report.fit, "held_out": report.held_out, "as_deployed": report.deployed},
+        "error": {"fit": report.fitted, "held_out": report.held_out, "as_deployed": report.deployed},
         "noise_floor_rms_mm": _floor_mm(report),
         "noise_floor_source": found.floor.source,
-        **left_values(report.left),
+        **left_values(report.patterns),
         "structure": {
             "moran_i": found.structure.moran_i,
             "p_value": found.structure.p_value,
@@ -60,7 +66,7 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         },
         "verdict": report.verdict,
         "share_of_excess": report.share,
-        "unexplained_per_explained": unexplained_ratio(report),
+        "unexplained_per_explained": None if squares is None else unexplained_ratio(*squares),
         "unexplained_mean_square_mm2": unexplained_mean_square(report) * 1e6,
         "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
@@ -94,7 +100,7 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
     before = report.held_out.rms
     counted = [one for one in report.ranking if one.verdict != Support.NO_EVIDENCE][:SHOWN]
     others = [one for one in report.ranking if one.verdict == Support.NO_EVIDENCE]
-    causes = [one for one in others if not one.scored.candidate.effect.variant_of]
+    causes = [one for one in others if not one.scored.candidate.effect.is_free_form]
     rows = []
     for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]][:most]):
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
@@ -112,33 +118,34 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
     if advice.verdict != Support.NO_EVIDENCE:
         attribution = attribution_of(report) if number == 0 else None
         if attribution == Support.DESCRIPTION:
-            return "empirical term"
-        if effect.variant_of and number:
+            return term_of(attribution, ())
+        if effect.is_free_form and number:
             return SPLINE
         if number or advice.equivalent:
             return LIKE if advice.name in beside else STATUS[advice.verdict]
-        return ATTRIBUTED.get(attribution, "candidate cause")
+        return term_of(attribution or Support.POSSIBLE_CAUSE, ())
     if advice.scored.implausible:
         return "implausible size"
     share = 1.0 - (advice.scored.alone.rms / report.held_out.rms) ** 2
     return "explains part of it" if share > PART else "explains little"
 
 
-def _details(report: DiagnosisReport) -> list[Block]:
+def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
     """Evidence behind the conclusion, for a person."""
     found = report.diagnosis
-    noise = noise_words(_floor_mm(report), found.floor.source, report.left)
+    noise = noise_words(_floor_mm(report), found.floor.source, report.patterns)
     blocks: list[Block] = [
         f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
         Facts(
             (
-                ("fit error", f"{in_mm(report.fit.rms)} mm RMS"),
+                *(fact for fact in concluded.further if fact[0] != BLACK_BOX),
+                ("fit error", f"{in_mm(report.fitted.rms)} mm RMS"),
                 ("noise", noise),
                 ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),
-                ("black-box model", report.left.predictable.sentence),
+                (BLACK_BOX, report.patterns.predictable.sentence),
             )
         ),
-        *section(_concentrated(found), (one.sentence for one in report.left.regimes)),
+        *section(_concentrated(found), (one.sentence for one in report.patterns.regimes)),
         *section("\nCandidates, one by one", _reasons(report)),
     ]
     if found.data.several_kinds:
@@ -196,7 +203,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
         "indistinguishable_from": advice.equivalent,
         "online": compensable(effect),
-        "is_form": bool(effect.variant_of),
+        "is_form": effect.is_free_form,
         "reason": advice.reason.kind,
         "why": advice.reason.words(plain_name),
     }

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from lrm_ident.diagnosis.inject_recover import InjectionTrial
 
 SHOWN = 8
-OUTCOMES = {"found": "● found", "one of a class": "◐ one of several", "missed": "○ missed", "wrong": "✕ wrong"}
+OUTCOMES = {"found": "● found", "one of a class": "◐ one of several", "missed": "○ missed", "wrong": "✕ wrong",
+            "failed": "! failed"}  # fmt: skip
 
 
 def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[Refusal]) -> Document:
@@ -39,5 +40,8 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
 
 def _table(trials: Sequence[InjectionTrial], title: str) -> ResultTable:
     columns = ("hidden", "moves TCP mm|.2f", "outcome", "named")
-    rows = [(t.truth, t.moved * 1e3, OUTCOMES[t.outcome], enumerate_words(t.named, 4) or t.verdict) for t in trials]
+    rows = [
+        (t.truth, t.moved * 1e3, OUTCOMES[t.outcome], enumerate_words(t.named, 4) or t.error or t.verdict)
+        for t in trials
+    ]
     return ResultTable(columns, rows, title)

@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support
-from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view, refitted_keys
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_LINE, figure_file, finish, legend_below
-from lrm_ident.residual.covariates import SYMBOLS, covariates, symbol_words
+from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.free_functions import FreeFunction
-from lrm_math.arm.place_names import place_words
+from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, LoadedJointEffect
-from lrm_math.effects.base import Amounts
-from lrm_math.effects.derivatives import by_angles, by_parameters
-from lrm_math.effects.targets import SERVO, slot_of
-from lrm_math.kinematics.chain import is_zero
-from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.derivatives import respond
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,25 +34,22 @@ EVIDENCE = {
 }
 HATCH = {Support.SUPPORTED: "", Support.INDISTINGUISHABLE: "//", Support.NO_EVIDENCE: ".."}
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
-GRID = 200
-LEAST_LEVER = 0.3  # of the longest: shorter ones turn little motion of the TCP into large angles
-DEGREES = 180.0 / np.pi
 
 
 def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
-    first = report.first
-    curve = None if first is None or first.fit is None else driver_curve(first.fit, first.scored.candidate.effect)
-    with figure_file(path, 13 if curve is None else 19, 4.6) as figure:
-        panels = figure.subplots(1, 2 if curve is None else 3)
-        left, right = panels[:2]
+    first, found = report.first, report.diagnosis
+    fitted, data = found.screened_subset
+    known = covariates(data, fitted.equilibrium.joint_torque)
+    with figure_file(path, 13 if first is None else 19, 4.6) as figure:
+        left, right, *third = figure.subplots(1, 2 if first is None else 3)
         _draw_ranking(left, report)
-        if curve is not None:
-            _draw_form(panels[2], curve)
         if first is not None:
-            _draw_evidence(right, report.diagnosis, first)
-        elif report.diagnosis.unexplained.ranking:
-            _draw_anatomy(right, report.diagnosis, report.diagnosis.unexplained.ranking[0][0])
+            view = candidate_view(first, found, known, np.arange(len(data)))
+            _draw_evidence(right, plain_name(first.name), np.array(view["added"]), 1e3 * fitted.residual)
+            _draw_form(third[0], first, found, view, {one.name: one for one in known})
+        elif found.unexplained.ranking:
+            _draw_anatomy(right, found, found.unexplained.ranking[0][0])
     return figure
 
 
@@ -92,34 +80,57 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     axes.set_title(fill(missing, TITLE_LINE), fontsize=11)
 
 
-def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None:
-    """Added-variable plot: what the fit leaves, against what the effect would add beyond the fitted parameters.
+def _draw_evidence(axes: Axes, name: str, motion: Array, residual: Array) -> None:
+    """Added-variable plot: what the fit leaves, against what the effect would add beyond the fitted parameters (mm).
 
     One point for each pose and axis; along the dashed line the effect explains all of it.
     """
-    scored = first.scored
-    fitted, data = found.screened_subset
-    motion = RowWeights(data.whitening, fitted.weight).positions(scored.added) * 1e3
-    residual = fitted.residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
         label = f"along {'xyz'[axis]}"
         axes.scatter(motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=label)
     most = float(np.abs(motion).max())
     axes.plot([-most, most], [-most, most], color="black", linestyle="--", linewidth=1, label="all explained")
-    name = plain_name(scored.name)
     finish(axes, f"motion that {name} would add, mm", "residual of the fit, mm", f"Added-variable plot: {name}")
 
 
-def _draw_form(axes: Axes, curve: DriverCurve) -> None:
-    """The turn of the joint against what drives it: the fitted form with its band, and what the poses show."""
-    label = "poses: the effect and the residual"
-    axes.scatter(curve.measured_at, curve.measured, s=10, color=NOMINAL, label=label)
-    axes.plot(curve.at, curve.turn, color=MODEL, linewidth=2, label=" + ".join(map(plain_name, curve.effects)))
-    low, high = curve.turn - 2.0 * curve.error, curve.turn + 2.0 * curve.error
-    axes.fill_between(curve.at, low, high, color=MODEL, alpha=0.3, linewidth=0, label="two standard errors")
-    driver, joint = symbol_words(curve.driver), place_words(curve.joint)
-    title = f"The effect beside the data: {plain_name(curve.effects[-1])}"
-    finish(axes, f"{driver}, {curve.unit}", f"turn of {joint}, °", title)
+def _draw_form(
+    axes: Axes, first: RankedCandidate, found: Diagnosis, view: Mapping[str, Any], known: Mapping[str, Covariate]
+) -> None:
+    """The turn of the joint against what drives it: the form with its band, and what the poses show around it.
+
+    A second quantity that the form follows is the colour of both, without a band.
+    """
+    driver, second = known[view["driver"]], known.get(view["second"])
+    around, form = (np.array(view[name], dtype=np.float64) for name in ("around", "form"))
+    order = np.argsort(driver.shown)
+    x, name = driver.shown[order], plain_name(first.name)
+    if second is not None:
+        colours: Any = {"c": second.shown[order], "cmap": "viridis"}
+        points = axes.scatter(x, around[order], s=10, label="poses: the effect and the residual", **colours)
+        axes.scatter(
+            x, form[order], s=26, marker="D", facecolors="none", edgecolors=points.to_rgba(second.shown[order])
+        )
+        axes.figure.colorbar(points, ax=axes, label=second.label)
+    else:
+        axes.scatter(x, around[order], s=10, color=NOMINAL, label="poses: the effect and the residual")
+        axes.plot(x, form[order], ".", color=MODEL, markersize=4, label=name)
+        if (error := _form_error(first, found, view["joint"])) is not None:
+            style: Any = {"color": MODEL, "alpha": 0.3, "linewidth": 2, "label": "two standard errors"}
+            axes.vlines(x, (form - 2.0 * error)[order], (form + 2.0 * error)[order], **style)
+    finish(axes, driver.label, f"turn of joint {view['joint'] + 1}, deg", f"The effect beside the data: {name}")
+
+
+def _form_error(first: RankedCandidate, found: Diagnosis, joint: int) -> Array | None:
+    """(N,), standard error of a candidate's form as a turn of a joint (deg); None where it was not refitted."""
+    candidate, fit, keys = first.scored.candidate, first.fit, refitted_keys(first)
+    if fit is None or not keys:
+        return None
+    motions = candidate.columns(first.scored.shape).reshape(len(found.screened), -1, len(keys))[:, :3]
+    turns = np.stack([joint_turns(motions[:, :, k], found.joint_jacobian)[joint] for k in range(len(keys))], axis=1)
+    rows = [fit.model.free.index(key) for key in keys]
+    turns = turns / [parameter.typical for parameter in candidate.parameters]
+    variance = np.einsum("nk,kl,nl->n", turns, fit.covariance[np.ix_(rows, rows)], turns)
+    return np.asarray(np.degrees(np.sqrt(np.maximum(variance, 0.0))))
 
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
@@ -129,16 +140,16 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     length = np.maximum((motion**2).sum(axis=0), 1e-12)
     scale, acts_like = _motion_shown(function)
     amount = scale * (found.fit.residual[found.screened].T * motion).sum(axis=0) / length
-    name = _with_unit(function.covariates[0]) if shift is None else f"{function.covariates[0]}, N"
-    values = _values(found, function.covariates[0]) if shift is None else shift.force
+    first = function.covariates[0]
+    values, name = _followed(found, first) if shift is None else (shift.force, f"{first}, N")
     if len(function.covariates) == 1:
         axes.scatter(values, amount, s=12, color=MODEL)
     else:
-        second, other = function.covariates[1], _values(found, function.covariates[1])
+        other, second = _followed(found, function.covariates[1])
         edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
         for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
             band = (other >= low) & (other <= high)
-            label = f"{_with_unit(second)} from {low:.3g} to {high:.3g}"
+            label = f"{second} from {low:.3g} to {high:.3g}"
             axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
     limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
@@ -157,126 +168,11 @@ def _motion_shown(function: FreeFunction) -> tuple[float, str]:
     return 100.0, f"change of {function.place}, %"
 
 
-def _with_unit(name: str) -> str:
-    units = {"order": "", "load": "g", "time": "min", "temperature": "°C"}
-    unit = units.get(name, "deg" if name.startswith(("q", SYMBOLS["motion"])) else "N·m")
-    return f"{name}, {unit}" if unit else name
-
-
-def _values(found: Diagnosis, name: str) -> Array:
-    """(N,), a covariate at the poses that were screened as shown; at the pose before, of all that were measured."""
-    torque = found.fit.equilibrium.joint_torque
-    if name == "total torque":
-        return np.asarray(np.abs(torque[found.screened]).sum(axis=1))
-    if name == "order":
-        return found.screened.astype(np.float64)
-    known = {one.symbol: one for one in covariates(found.data, torque)}
-    if name in known:
-        return known[name].shown[found.screened]
-    joint = int(name.partition(" ")[0].removeprefix("tau")) - 1
-    return np.asarray(np.concatenate([torque[:1, joint], torque[:-1, joint]])[found.screened])
-
-
-@dataclass(frozen=True, eq=False)
-class DriverCurve:
-    """Turn of a joint by the effects of a fitted model that follow one driver.
-
-    Attributes:
-        driver, unit: the driver's name (`q2`, `tau2`, `t`) and unit. joint: the name of the joint that is turned.
-        effects: names of the effects that are summed.
-        at: (G,), values of the driver. turn, error: (G,), turn of the joint there and its standard error (°).
-        measured_at, measured: (M,), drivers and turns of the poses whose TCP is far enough from the joint's axis: the
-            effects' own and what the residual acts like (°).
-    """
-
-    driver: str
-    unit: str
-    joint: str
-    effects: tuple[str, ...]
-    at: Array
-    turn: Array
-    error: Array
-    measured_at: Array
-    measured: Array
-
-
-def driver_curve(fitted: Fit, effect: Effect) -> DriverCurve | None:
-    """The curve of all effects of the model that turn the same joint by the same driver; None if there is no such."""
-    driver, model, equilibrium = driver_of(effect), fitted.model, fitted.equilibrium
-    if not driver or len(effect.targets) != 1 or not effect.targets[0].endswith((".theta", SERVO)):
-        return None
-    turned = slot_of(effect.targets[0])
-    slot, load_row = model.chain.index[turned], {k: row for row, k in enumerate(model.load_slots)}
-    torque = equilibrium.tau[load_row[slot]] if slot in load_row else np.zeros(len(equilibrium.poses))
-    values = _driver_values(driver, equilibrium.poses, np.broadcast_to(np.asarray(torque), len(equilibrium.poses)))
-    grid = np.linspace(values.min(), values.max(), GRID)
-    alike = [(one, p) for one, p in model.parts() if driver_of(one) == driver and slot_of(one.targets[0]) == turned]
-    lever = respond(equilibrium).slots[slot]
-    square = (lever**2).sum(axis=0)
-    far = square > LEAST_LEVER**2 * square.max()
-    there = _poses_along(driver, equilibrium.poses, grid)
-    own, turn, columns = np.zeros(len(values)), np.zeros(GRID), []
-    keys: list[str] = []
-    for one, p in alike:
-        here, along = _felt(one, values), _felt(one, grid)
-        own = own + np.asarray(one.amounts(equilibrium.poses, here, p)[0])
-        turn = turn + np.asarray(one.amounts(there, along, p)[0])
-        keys += one.keys
-        for amounts in by_parameters(one, there, along, p):
-            columns.append(np.broadcast_to(np.asarray(amounts[0]), GRID))
-    measured = own + (fitted.residual.T * lever).sum(axis=0) / np.maximum(square, 1e-12)
-    scale, unit = (DEGREES, "°") if driver.startswith("q") else (1.0, "N·m" if driver.startswith("tau") else "s")
-    return DriverCurve(
-        driver=driver,
-        unit=unit,
-        joint=effect.targets[0].partition(".")[0],
-        effects=tuple(one.name for one, _ in alike),
-        at=grid * scale,
-        turn=turn * DEGREES,
-        error=_standard_error(fitted, keys, columns) * DEGREES,
-        measured_at=values[far] * scale,
-        measured=measured[far] * DEGREES,
-    )
-
-
-def driver_of(effect: Effect) -> str:
-    """The one quantity that an effect is a function of: `qN`, `tauN` or `t`; empty if there are several, or none."""
-    if effect.depends_on == ("time",) and not effect.load_slots:
-        return "t"
-    if not effect.depends_on and isinstance(effect, LoadedJointEffect):
-        return f"tau{effect.joint + 1}"
-    if effect.depends_on != ("angle",) or effect.load_slots:
-        return ""
-    p = [parameter.default or parameter.typical for parameter in effect.parameters]
-    rows = by_angles(effect, poses_of(np.full((2, effect.arm.dof), 0.3)), (), p)
-    joints = [joint for joint, amounts in enumerate(rows, 1) if not all(map(is_zero, amounts))]
-    return f"q{joints[0]}" if len(joints) == 1 else ""
-
-
-def _driver_values(driver: str, poses: Poses, torque: Array) -> Array:
-    if driver == "t":
-        return np.zeros(len(poses)) if poses.t is None else poses.t
-    return torque if driver.startswith("tau") else poses.q[:, int(driver[1:]) - 1]
-
-
-def _poses_along(driver: str, poses: Poses, grid: Array) -> Poses:
-    """The first pose again and again, with the driver at the values of the grid."""
-    q = np.repeat(poses.q[:1], len(grid), axis=0)
-    if driver.startswith("q"):
-        q[:, int(driver[1:]) - 1] = grid
-    return Poses(q, np.zeros(len(grid)), t=grid if driver == "t" else None)
-
-
-def _felt(effect: Effect, torque: Array) -> Amounts:
-    return (torque,) * len(effect.load_slots)
-
-
-def _standard_error(fitted: Fit, keys: Sequence[str], columns: Sequence[Array]) -> Array:
-    """(G,), of the sum of the columns (G,) times the parameters of these keys, as far as they are fitted."""
-    row = {key: number for number, key in enumerate(fitted.model.free)}
-    known = [(row[key], column) for key, column in zip(keys, columns, strict=True) if key in row]
-    if not known:
-        return np.zeros(GRID)
-    rows, B = [number for number, _ in known], np.stack([column for _, column in known], axis=1)
-    variance = np.einsum("gi,ij,gj->g", B, fitted.covariance[np.ix_(rows, rows)], B)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+def _followed(found: Diagnosis, symbol: str) -> tuple[Array, str]:
+    """Values of a covariate at the poses that were screened, and its label; `before`: at the pose measured before."""
+    torque, name = found.fit.equilibrium.joint_torque, symbol.removesuffix(" before")
+    every = (*covariates(found.data, torque), Covariate("total torque", np.abs(torque).sum(axis=1)))
+    one = next(one for one in every if one.symbol == name)
+    if name == symbol:
+        return one.shown[found.screened], one.label
+    return np.concatenate([one.shown[:1], one.shown[:-1]])[found.screened], f"{one.label}, at the pose before"

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from lrm_ident.data.wording import in_mm
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file
-from lrm_ident.report.story import MM, Kind, Story
+from lrm_ident.report.story import Kind, Story
+from lrm_math.arm.arm_file import MM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

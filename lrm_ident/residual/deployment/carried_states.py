@@ -38,7 +38,7 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
     what follows. The drift of a joint follows the time since power-on, where that is known later: see `_following`.
     """
     model = fitted.model
-    laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
+    laws = [effect.name for effect in passing_effects(model) if not effect.is_free_form]
     if not laws:
         return fitted
     carried: dict[str, CarriedState] = dict.fromkeys(laws, "mean")

@@ -57,7 +57,7 @@ def with_reverting_terms(fitted: Fit, data: Measurements) -> Fit:
 
 def _is_empirical(effect: Effect) -> bool:
     """Whether it is a free form that acts on the arm."""
-    free = bool(effect.variant_of) and effect.extrapolation is Extrapolation.HELD
+    free = effect.is_free_form and effect.extrapolation is Extrapolation.HELD
     return free and not of_a_session(effect) and kind_of(effect) in (Kind.MOTION, Kind.LOAD)
 
 

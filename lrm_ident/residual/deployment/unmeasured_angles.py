@@ -71,7 +71,7 @@ def _found_by_free_forms(fitted: Fit, joint: int) -> tuple[Array, int]:
     slot, found, own = model.chain.joint_slots[joint], np.zeros(len(equilibrium.poses)), 1
     for bound in model.binding.bound:
         if "angle" in bound.effect.depends_on and slot in bound.slots:
-            if bound.effect.variant_of:
+            if bound.effect.is_free_form:
                 amounts = bound.at(equilibrium.poses, bound.own_loads(equilibrium.tau))
                 found = found + amounts[bound.slots.index(slot)]
             else:

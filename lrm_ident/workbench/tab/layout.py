@@ -40,7 +40,7 @@ def head_html() -> str:
     return f"""{styles}
 <script async src="{library}" onload="window.lrm && lrm.ready()"></script>
 {"".join(f'<script defer src="{one}"></script>' for one in scripts)}
-<script>{assets.THEME.read_text(encoding="utf-8")}
+<script>{assets.PROLOGUE}
 document.documentElement.lang = "en";
 addEventListener("load", () => Quasar.LoadingBar.setDefaults({{ hijackFilter: () => false }}));
 addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"));

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from math import sqrt
 from typing import Any
 
@@ -13,16 +12,16 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
+from lrm_ident.design.advice import next_poses as designed
 from lrm_ident.design.candidate_poses import (
-    DEFAULT_LEVELS,
-    MAX_COMBINATIONS,
+    USUAL_LEVELS,
     ClearanceRules,
     clear_poses,
     floor_above_table,
     parse_levels,
 )
 from lrm_ident.design.discrimination import UnsuitableRival
-from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign, design
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document
@@ -39,10 +38,8 @@ from lrm_math.kinematics.forward import frames
 
 COUNT, REPEATS, SEED = 50, 5, 0
 """As `lrm-ident design` without options."""
-LEVELS = (5, 7, 4, 3)
-"""Counts of levels of every joint that are tried until the poses on offer can tell causes apart."""
 MOST_RIVALS = 4
-"""That are tried, one after the other, until the poses on offer can tell one from the first candidate."""
+"""That are tried, one after the other, until some poses are expected to tell one from the first candidate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,39 +74,47 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
     ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
-    counts = [count for count in LEVELS if count**arm.dof <= MAX_COMBINATIONS]
-    for levels, names in product(counts, rival_pairs(ranking)):
-        rivals = tuple(effect for name in names for effect in effects_at(arm, name, study.catalogue))
-        task = replace(problem, rivals=rivals)
+    offers = [partial(_offer, arm, levels, loads_g) for levels in USUAL_LEVELS]
+    best: tuple[tuple[str, ...], DesignProblem, CandidateSet, PoseDesign] | None = None
+    for names in rival_pairs(ranking):
+        task = replace(problem, rivals=tuple(e for name in names for e in effects_at(arm, name, study.catalogue)))
         try:
-            offer = _offer(arm, levels, loads_g)
-            chosen = design(task, offer.poses, ticked)
+            offer, chosen = designed(task, offers, ticked)
         except UnsuitableRival as error:
             refused.append(f"{plain_name(error.name)} {error.why}")
             continue
         except LrmError as error:
             refused.append(str(error))
             continue
-        document = design_document(task, offer, chosen)
-        arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
-        arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
-        arguments += ("--levels", str(levels)) if levels != DEFAULT_LEVELS else ()
-        blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
-        arms = _arms(arm, chosen.poses.q)
-        table = pose_table(chosen).csv()
-        return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)
-    raise LrmError("; ".join(dict.fromkeys(refused)))
+        if best is None or chosen.told:
+            best = names, task, offer, chosen
+        if chosen.told:
+            break
+    if best is None:
+        raise LrmError("; ".join(dict.fromkeys(refused)))
+    names, task, offer, chosen = best
+    document = design_document(task, offer, chosen)
+    arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
+    arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
+    blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
+    arms, table = _arms(arm, chosen.poses.q), pose_table(chosen).csv()
+    return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)
 
 
-def _offer(arm: Arm, levels: int, loads_g: Sequence[float]) -> CandidateSet:
+def _offer(arm: Arm, levels: str, loads_g: Sequence[float]) -> CandidateSet:
     """Poses to choose from. Raises `LrmError` if none keeps the rules."""
     payloads, rules = [load * GRAM for load in loads_g], ClearanceRules(floor=floor_above_table(arm))
-    return clear_poses(arm, parse_levels(arm, str(levels)), payloads, rules, SEED)
+    return clear_poses(arm, parse_levels(arm, levels), payloads, rules, SEED)
 
 
 def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:
     """What the poses will tell, in one sentence."""
     count = len(chosen.poses)
+    if not chosen.told:
+        return (
+            f"No poses tried can distinguish {plain_name(names[0])} from {plain_name(names[1])}; these {count} poses "
+            "make the model's parameters more certain."
+        )
     if len(names) > 1:
         return f"These {count} poses will show whether it is {plain_name(names[0])} or {plain_name(names[1])}."
     if names:

@@ -30,6 +30,17 @@ class EffectWithMemory(Effect):
         """Its memory before the first visit: nothing in a file."""
         return (0.0,) * self.memories if visits.begun is None else visits.begun[self.name]
 
+    def when_powered(
+        self, stood: Sequence[float], mean: Sequence[float], sd: Sequence[float]
+    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Mean and standard deviation of its memory when the arm gets power: as likely as not it rested before.
+
+        stood: its memory if it had stood there for long. mean, sd: of the session of its model.
+        """
+        del mean, sd
+        half = tuple(0.5 * x for x in stood)
+        return half, half
+
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The order must be known."""
         return "the order of measurement is not known" if excitation.poses.history is None else None

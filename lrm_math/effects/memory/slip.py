@@ -55,6 +55,13 @@ class Slip(EffectWithMemory, JointEffect):
         """z, and the side of the joint's last move (−1, 0 unknown, +1)."""
         return self._slipped(visits, p[1]), visits.sides(self.joint, self.began(visits)[1])
 
+    def when_powered(
+        self, stood: Sequence[float], mean: Sequence[float], sd: Sequence[float]
+    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """What slipped stays, with power and without."""
+        del stood
+        return tuple(mean), tuple(sd)
+
     def _slipped(self, visits: Visits, scale: complex) -> Array:
         """(M,), z at all visits."""
         load, (z, side) = self._loads(visits), self.began(visits)

@@ -71,7 +71,7 @@ def ending(of: Model, joint: int) -> MeasuredRange:
 
 
 def service(of: Model) -> IkService:
-    return IkService(config(), DeployedModel(of, None, "", "", ()))
+    return IkService.of(config(), DeployedModel(of, None, "", "", ()))
 
 
 def tip(of: IkService, q: list[float], known: Known, **more: object) -> list[float]:
@@ -138,7 +138,7 @@ def test_rpc_fk_and_predict_agree_at_a_known_time_since_power_on(
 ) -> None:
     """A file whose poses have that time, and the daemon that kept it; and `rpc/ik` reaches what `rpc/fk` predicts."""
     of = warming(seed)
-    ik = IkService(config(), DeployedModel(of, None, "", "", ("drift",)))
+    ik = IkService.of(config(), DeployedModel(of, None, "", "", ("drift",)))
     rows = [",".join(f"{x:.17g}" for x in [running, *np.degrees(goal)])]
     (tmp_path / "warm.csv").write_text(
         "\n".join([",".join(["t_s", *(f"q{j}_deg" for j in range(1, 7))]), *rows]) + "\n"
@@ -156,7 +156,7 @@ def test_rpc_fk_and_predict_agree_at_a_known_time_since_power_on(
 def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
     """Before the joints have pulses, and where poses have no times."""
     of, goal = warming(5), [0.05] * 6
-    ik = IkService(config(), DeployedModel(of, None, "", "", ("drift",)))
+    ik = IkService.of(config(), DeployedModel(of, None, "", "", ("drift",)))
     assert ik.deployed.uncompensated == (), "both drifts follow the time"
     (kept,) = solve_equilibrium(as_deployed(of), poses_of([goal], direction=np.ones((1, 6)))).tcp
     np.testing.assert_allclose(tip(ik, goal, Known(), direction=[[1] * 6]), kept, rtol=0.0, atol=AGREE)

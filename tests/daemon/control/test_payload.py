@@ -23,7 +23,7 @@ from lrmd.control.requests import Controller
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy
-from lrmd.ik.planner import Planner
+from lrmd.ik.planner import NoPlan, Planner
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, PayloadRequest, SceneCommand
 from lrmd.messages.surroundings import ObstacleEntry
 from lrmd.persistence.state_file import StoredState
@@ -156,10 +156,10 @@ def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(con
             raise RequestError("deadline", "too many moves", retryable=True)
 
     refused = planner.find(list(high.values()), [list(low.values())], 0, limited)
-    assert isinstance(refused, str)
-    assert "palm and ground" in refused
+    assert isinstance(refused, NoPlan)
+    assert "palm and ground" in refused.text
     path = planner.find(list(high.values()), [list(side.values())], 0, limited)
-    assert not isinstance(path, str), path
+    assert not isinstance(path, NoPlan), path
     sim = LoadedDaemon(config, deployed)
     sim.move(high)
     sim.keep(400)

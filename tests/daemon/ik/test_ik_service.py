@@ -46,14 +46,14 @@ def config() -> Config:
 
 @lru_cache
 def service() -> IkService:
-    return IkService(config(), deploy(config()))
+    return IkService.of(config(), deploy(config()))
 
 
 @lru_cache
 def drawn_service() -> IkService:
     """The nominal arm's: nothing bends."""
     drawn = replace(config(), model=None)
-    return IkService(drawn, deploy(drawn))
+    return IkService.of(drawn, deploy(drawn))
 
 
 def test_a_request_may_name_every_method_and_no_other() -> None:
@@ -455,7 +455,7 @@ def test_answers_name_the_joints_outside_the_range_of_the_fit() -> None:
     """Before: a model fitted on a part of the range answered anywhere as if it had been measured there."""
     known = deploy(config())
     within = MeasuredRange(((-3.0, 3.0), (-0.2, 0.3), *((-3.0, 3.0),) * 4), (0.0, 0.1))
-    ranged = IkService(config(), replace(known, model=replace(known.model, within=within)))
+    ranged = IkService.of(config(), replace(known, model=replace(known.model, within=within)))
     near, far = [0.1, 0.2, 0.3, 0.1, 0.4, 0.1], [0.1, 0.6, 0.3, 0.1, 0.4, 0.1]
     places = list(ranged.forward(FkRequest(q_rad=[near, far])))
     assert [place.outside_range for place in places] == [[], [2]]

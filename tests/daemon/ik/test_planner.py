@@ -25,7 +25,7 @@ from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.ik.planner import JointPath
+from lrmd.ik.planner import JointPath, NoPlan
 from lrmd.ik.service import IkService
 from lrmd.messages.codec import MessageError
 from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
@@ -49,7 +49,7 @@ class Workcell:
     service: IkService
     found: dict[float, Array] = field(default_factory=dict)
 
-    def planned(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> JointPath | str:
+    def planned(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> JointPath | NoPlan:
         ask = PlanRequest(from_rad=START.tolist(), to_rad=end.tolist(), seed=seed, payload_kg=payload)
         return self.service.plan(ask, limited())
 
@@ -57,7 +57,7 @@ class Workcell:
         """The waypoints from START to END, planned once."""
         if payload not in self.found:
             path = self.planned(payload=payload)
-            assert not isinstance(path, str), path
+            assert not isinstance(path, NoPlan), path
             self.found[payload] = np.array(path)
         return self.found[payload]
 
@@ -92,7 +92,7 @@ def workcell_with_post(name: str, folder: Path, size: tuple[float, float, float]
     known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"), known)
     config = replace(config, arm=arm)
-    return Workcell(config, model, IkService(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
+    return Workcell(config, model, IkService.of(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
 
 
 @pytest.fixture(scope="module", params=["lrm-lab", "lrm-rover"])
@@ -167,10 +167,10 @@ def test_every_piece_is_straight_in_angles_and_in_pulses(place: Workcell) -> Non
 @pytest.mark.slow
 def test_the_same_seed_finds_the_same_path(place: Workcell) -> None:
     again = place.planned(payload=LOAD)
-    assert not isinstance(again, str)
+    assert not isinstance(again, NoPlan)
     np.testing.assert_array_equal(again, place.way(LOAD))
     other = place.planned(5, LOAD)
-    assert not isinstance(other, str)
+    assert not isinstance(other, NoPlan)
     assert not np.array_equal(other, again)
 
 
@@ -180,7 +180,7 @@ def test_a_path_to_a_goal_ends_with_the_tool_there(place: Workcell) -> None:
     tool = frames(place.model.chain, equilibrium.slots, 1)[0, -1]
     goal = GoalEntry(position_m=tool[:3, 3].tolist(), approach=tool[:3, 2].tolist())
     found = place.service.plan(PlanRequest(from_rad=START.tolist(), goal=goal, payload_kg=LOAD), limited())
-    assert not isinstance(found, str), found
+    assert not isinstance(found, NoPlan), found
     ends = solve_equilibrium(place.model, poses_of(np.array(found[-1:]), LOAD))
     np.testing.assert_allclose(ends.true_tcp[0], tool[:3, 3], atol=1e-6)
 
@@ -188,15 +188,15 @@ def test_a_path_to_a_goal_ends_with_the_tool_there(place: Workcell) -> None:
 def test_an_impossible_path_is_refused_with_the_reason(place: Workcell) -> None:
     inside = 0.5 * (START + END)
     into = place.planned(end=inside)
-    assert isinstance(into, str)
-    assert "post" in into
-    assert "goal" in into
+    assert isinstance(into, NoPlan)
+    assert "post" in into.text
+    assert "goal" in into.text
     beyond = END.copy()
     beyond[1] = math.radians(179)
     outside = place.planned(end=beyond)
-    assert isinstance(outside, str)
-    assert "joint 2" in outside
-    assert "limits" in outside
+    assert isinstance(outside, NoPlan)
+    assert "joint 2" in outside.text
+    assert "limits" in outside.text
     far = PlanRequest(from_rad=START.tolist(), goal=GoalEntry(position_m=[3.0, 0.0, 0.0]))
     with pytest.raises(RequestError) as caught:
         place.service.plan(far, limited())
@@ -213,7 +213,7 @@ def with_margin(place: Workcell, margin: float) -> IkService:
     """The same arm and model, with another safety margin (m)."""
     shapes = replace(place.config.arm.shapes, margin=margin)
     config = replace(place.config, arm=replace(place.config.arm, shapes=shapes))
-    return IkService(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
+    return IkService.of(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
 
 
 def sagging_pose(place: Workcell) -> tuple[Array, float, float]:
@@ -233,8 +233,8 @@ def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(pla
     end, apart, sunk = sagging_pose(place)
     ask = PlanRequest(from_rad=end.tolist(), to_rad=end.tolist(), payload_kg=LOAD)
     found = with_margin(place, 0.5 * (apart + sunk)).plan(ask, limited())
-    assert isinstance(found, str)
-    assert "as the arm sags" in found
+    assert isinstance(found, NoPlan)
+    assert "as the arm sags" in found.text
 
 
 @pytest.mark.slow
@@ -244,7 +244,7 @@ def test_an_arm_that_stands_within_the_margin_is_led_out_of_it(place: Workcell) 
     margin = sunk + 2e-3
     service = with_margin(place, margin)
     found = service.plan(PlanRequest(from_rad=pose.tolist(), to_rad=START.tolist(), payload_kg=LOAD), limited())
-    assert not isinstance(found, str), found
+    assert not isinstance(found, NoPlan), found
     way = np.array(found)
     np.testing.assert_allclose(way[[0, -1]], [pose, START], atol=1e-12)
     guard = guard_of(replace(place.config.arm, shapes=replace(place.config.arm.shapes, margin=margin)), place.model)

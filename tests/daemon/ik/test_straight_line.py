@@ -15,6 +15,7 @@ from lrm_math.ik.goal import point, pose
 from lrm_math.kinematics.motion import Motion
 from lrmd.config import Config, load_config
 from lrmd.ik.deployed_model import deploy
+from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
 from lrmd.ik.straight_line import TOLERANCE, LineEnd, line_path, rotation_of, rotation_vector
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
@@ -33,7 +34,7 @@ def solver() -> CalibratedSolver:
 @pytest.fixture(scope="module")
 def service() -> IkService:
     config: Config = replace(load_config(CONFIG), model=None)
-    return IkService(config, deploy(config))
+    return IkService.of(config, deploy(config))
 
 
 def test_the_commanded_tip_keeps_to_its_line_by_an_independent_model() -> None:
@@ -71,19 +72,19 @@ def test_a_line_that_leaves_the_reach_says_where_it_ends_and_why(solver: Calibra
 
 def test_a_line_into_the_ground_is_refused_where_it_collides_and_found_where_that_is_permitted(service) -> None:
     """The rover's tool, pointing down over the ground."""
-    config = service._config
+    config = service.config
     down = np.diag([1.0, -1.0, -1.0])
     goal = GoalEntry(position_m=[0.2, 0.05, 0.008])
-    for branch in service._solver.solve(pose((0.2, 0.05, 0.06), down)).branches:
+    for branch in service.solver.solve(pose((0.2, 0.05, 0.06), down)).branches:
         line = PlanRequest(from_rad=list(branch.q), goal=goal, line=True)
         path = service.plan(line.model_copy(update={"may_touch": [GROUND]}), free)
-        if not isinstance(path, LineEnd | str):
+        if not isinstance(path, NoPlan):
             break
-    assert not isinstance(path, LineEnd | str), path
+    assert not isinstance(path, NoPlan), path
     refused = service.plan(line, free)
     assert isinstance(refused, LineEnd)
     assert "fingers and ground" in refused.text
-    tips = np.array([service._solver.forward(q).tcp for q in path])
+    tips = np.array([service.solver.forward(q).tcp for q in path])
     assert np.abs(tips[:, :2] - [0.2, 0.05]).max() < TOLERANCE
     assert tips[-1, 2] == pytest.approx(0.008, abs=1e-4)
     assert len(path[0]) == config.dof

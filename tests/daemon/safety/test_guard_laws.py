@@ -14,7 +14,7 @@ from lrm_math.collision.scene import Scene
 from lrm_math.collision.straight_move import RESOLUTION
 from lrm_math.errors import LrmError
 from lrmd.control.state_machine import Mode
-from lrmd.ik.planner import Planner
+from lrmd.ik.planner import NoPlan, Planner
 from lrmd.messages.control import JogRequest, MoveRequest
 from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard
 from tests.support.daemon.guarded_sequence import (
@@ -182,7 +182,7 @@ def test_a_way_out_is_offered_if_one_exists(seed: int, soft: bool) -> None:
         assert way is not None
         assert guard.separation(way[-1][None], 0.0)[0] >= MARGIN
         path = planner.find(start.tolist(), [ends[0].tolist()], seed, lambda: None)
-        assert not isinstance(path, str), path
+        assert not isinstance(path, NoPlan), path
         guard(way, 0.0)
         guard(path, 0.0)
 

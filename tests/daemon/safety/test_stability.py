@@ -25,9 +25,9 @@ from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy
+from lrmd.ik.planner import NoPlan
 from lrmd.ik.process import plan_content
 from lrmd.ik.service import IkService
-from lrmd.ik.straight_line import LineEnd
 from lrmd.messages.control import JogRequest, PayloadRequest
 from lrmd.messages.kinematics import PlanRequest
 from lrmd.safety.collision_guard import CollisionGuard
@@ -133,30 +133,30 @@ def test_a_plan_keeps_the_angle_too() -> None:
             keep = ends - np.radians(1.0)
             break
     keeping = on_wheels(float(np.degrees(keep)))
-    service = IkService(keeping, deploy(keeping))
+    service = IkService.of(keeping, deploy(keeping))
     path = service.plan(PlanRequest(from_rad=start.tolist(), to_rad=end.tolist()), lambda: None)
-    assert not isinstance(path, str | LineEnd), path
+    assert not isinstance(path, NoPlan), path
     assert len(path) > 2
     CollisionGuard(guard.scene, None, stability=stability_of(keeping, model))(path, 0.0)
     angles = stability_of(keeping, model).angles(clear, 0.0)  # type: ignore[union-attr]
     low, high = clear[angles.argmin()], clear[angles.argmax()]
     strict = on_wheels(float(np.degrees(0.5 * (angles.min() + angles.max()))))
     request = PlanRequest(from_rad=high.tolist(), to_rad=low.tolist())
-    refused = IkService(strict, deploy(strict)).plan(request, lambda: None)
-    assert refused == "no path: the vehicle would be too near to tipping over at the goal"
+    refused = IkService.of(strict, deploy(strict)).plan(request, lambda: None)
+    assert refused == NoPlan("no path: the vehicle would be too near to tipping over at the goal")
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_plan_that_stabilises_never_ends_nearer_to_tipping_than_it_began(seed: int) -> None:
     """It ends among the best of a thousand random poses; the guard allows its way."""
     config, rng = on_wheels(), np.random.default_rng(seed)
-    service = IkService(config, deploy(config))
+    service = IkService.of(config, deploy(config))
     guard, payload = CollisionGuard(Scene.of(config.arm), None), float(rng.choice([0.0, 0.1]))
     poses = rng.uniform(-1.2, 1.2, (1000, 6))
     clear = poses[guard.separation(poses, payload) > guard.scene.margin + 0.005]
     start = clear[0]
     path = service.plan(PlanRequest(from_rad=start.tolist(), stabilise=True, payload_kg=payload), lambda: None)
-    assert not isinstance(path, str), path
+    assert not isinstance(path, NoPlan), path
     guard(path, payload)
     content = plan_content(service, path, payload)
     begun, ended = content["tip_over_rad"]
@@ -168,19 +168,19 @@ def test_a_plan_that_stabilises_never_ends_nearer_to_tipping_than_it_began(seed:
 
 def test_where_nothing_is_better_a_plan_says_so_and_without_a_vehicle_it_is_refused() -> None:
     config = on_wheels()
-    service = IkService(config, deploy(config))
+    service = IkService.of(config, deploy(config))
     path, q = None, ABOVE.tolist()
     for _ in range(12):
         found = service.plan(PlanRequest(from_rad=q, stabilise=True), lambda: None)
-        if isinstance(found, str):
-            path = found
+        if isinstance(found, NoPlan):
+            path = found.text
             break
         q = list(found[-1])
     assert path is not None
     assert "no pose was found" in path
     bare = replace(config, arm=replace(config.arm, vehicle=None))
     with pytest.raises(RequestError, match=r"has no \[vehicle\]") as refused:
-        IkService(bare, deploy(bare)).plan(PlanRequest(from_rad=ABOVE.tolist(), stabilise=True), lambda: None)
+        IkService.of(bare, deploy(bare)).plan(PlanRequest(from_rad=ABOVE.tolist(), stabilise=True), lambda: None)
     assert refused.value.code == "no_vehicle"
 
 

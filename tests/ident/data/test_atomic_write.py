@@ -175,5 +175,4 @@ def test_one_place_writes() -> None:
         "lrm_ident/report/plots/style.py",  # draws into memory
         "lrm_ident/data/last_error.py",  # in the user's state folder
         "lrm_ident/data/measurement_file/table_schema.py",  # `make schemas`, into the repository
-        "lrm_ident/report/glossary.py",  # the same
     }, found

@@ -116,11 +116,11 @@ def test_poses_take_the_same_names(tmp_path: Path, lab: Arm) -> None:
     np.testing.assert_allclose(np.degrees(load_poses(path, lab).q), [row[1:7] for row in ROWS])
 
 
-@pytest.mark.parametrize("begin", ["Format Version,1.23,Take Name,t", "Objects", "Trajectories;;"])
+@pytest.mark.parametrize("begin", ["Format Version,1.23,Take Name,t", "Objects", "Trajectories;;", "fr 7"])
 def test_a_recording_is_sent_to_import(tmp_path: Path, lab: Arm, begin: str) -> None:
     path = tmp_path / "take.csv"
     path.write_text(f"{begin}\n\n,Type,Rigid Body\n")
-    with pytest.raises(FileError, match="a recording of OptiTrack or Vicon; lrm-ident import"):
+    with pytest.raises(FileError, match="a tracker's recording; lrm-ident import"):
         load_measurements(path, lab)
 
 

@@ -7,7 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lrm_ident.design.advice import NEEDED, CandidateCause, advise, as_measured, expected
+from lrm_ident.design.advice import advise, next_poses
+from lrm_ident.design.expected_lead import (
+    NEEDED,
+    TRIALS,
+    CandidateCause,
+    as_measured,
+    cause_columns,
+    expected,
+    told_in_trials,
+)
+from lrm_ident.design.observability import MM_PER_M, identification_jacobian
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -80,9 +91,9 @@ def test_the_expected_lead_is_that_of_simulated_measurements(arm: Arm) -> None:
 
 def _squares(model: Model, poses: Poses, there: CandidateCause, instead: CandidateCause) -> list[Array]:
     """Differences of squared residuals per pose of measurements with `there`, fitted with either cause."""
-    from lrm_ident.design.advice import _columns
-
-    fitted, (own, other) = _columns(model, [there, instead], poses)
+    own, other = cause_columns(model, [there, instead], [poses], NOISE).columns
+    settled = solve_equilibrium(model, poses)
+    fitted = identification_jacobian(settled, model.free).reshape(-1, len(model.free)) / MM_PER_M
     rng, out = np.random.default_rng(1), []
     for _ in range(60):
         seen = own[0] @ there.size + rng.normal(0.0, NOISE, len(fitted))
@@ -106,3 +117,47 @@ def test_poses_as_if_measured_have_an_order_and_times(arm: Arm) -> None:
     assert then.t[0] > first.t[-1]
     assert then.history is not None
     solve_equilibrium(model_of(arm, effects_at(arm, "creep@joint2")), then)
+
+
+@pytest.fixture(scope="module")
+def waiting(arm: Arm) -> PoseDesign:
+    return of_memory(arm, "creep@joint2", "compliance@joint2")
+
+
+def of_memory(arm: Arm, *names: str) -> PoseDesign:
+    """The design that distinguishes effects among random poses of two loads."""
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, (60, arm.dof))
+    offer = CandidateSet(Poses(np.tile(q, (2, 1)), np.repeat([0.0, 2.0], len(q))), "random", {})
+    rivals = tuple(effect for name in names for effect in effects_at(arm, name))
+    problem = DesignProblem(base(arm), None, rivals, 30, "O1", NOISE, None, 2, 1, 0)
+    return next_poses(problem, [lambda: offer])[1]
+
+
+def test_effects_with_a_memory_get_dwell_times_that_tell_them(waiting: PoseDesign) -> None:
+    """What the model fits already is told from what it lacks; half of the poses are held, in no order."""
+    assert waiting.told
+    assert not {"compliance.joint2.c_rad_per_Nm"} & {*waiting.keys}
+    held = np.count_nonzero(waiting.hold)
+    assert held in (0, len(waiting.hold) // 2)
+    assert set(waiting.trials) == {("creep@joint2", "compliance@joint2"), ("compliance@joint2", "creep@joint2")}
+    assert min(waiting.trials.values()) >= 0.9 * TRIALS
+
+
+def test_holding_tells_more_of_slow_creep(arm: Arm, waiting: PoseDesign) -> None:
+    """The same poses: the longer half of them is held, the surer is the time constant at which it is least sure."""
+    model = base(arm).with_free(waiting.keys)
+    both = causes(model, "creep@joint2", "compliance@joint2")
+    leads = []
+    for seconds in (0.0, 120.0, 480.0):
+        hold = np.where(np.arange(len(waiting.poses)) % 2 == 1, seconds, 0.0)
+        leads.append(min(pair.lead for pair in expected(model, both, [as_measured(waiting.poses, None, hold)], NOISE)))
+    assert leads[0] < leads[1] < leads[2]
+
+
+def test_simulated_measurements_do_not_tell_twins(arm: Arm) -> None:
+    """An independent oracle of the trial: two names of one motion lead each other as often as chance lets them."""
+    model = model_of(arm, effects_at(arm, "offsets"))
+    model = model.with_free(fittable(model))
+    twins = causes(model, "servo_droop@joint2", "compliance@joint2")
+    told = told_in_trials(model, twins, [at_levels(arm, -1.0, -0.5, 0.3, 1.0)], NOISE, 0)
+    assert max(told.values()) <= 2

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from lrm_ident.diagnosis.attribution import attribute_steps
+from lrm_ident.diagnosis.attribution import (
+    attribute_steps,
+    attribution_of,
+    explained_by_first,
+    unexplained_ratio,
+)
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.evidence import Evidence
-from lrm_ident.diagnosis.judgement import Support
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -66,7 +74,29 @@ def test_attributions_of_any_sequence_of_steps(course: Course, left: float) -> N
         assert one.unexplained == pytest.approx(left + sum(max(taken, 0.0) for taken in no_cause))
         assert (one.kind == "description") == step.describes
         assert one.kind != "finding" or one.unexplained <= MAX_UNEXPLAINED_RATIO * explained
-        assert one.kind != "finding" or step.replicates
+        assert one.kind != "finding" or (step.replicates and explained > 0.0)
+
+
+def report(before: float, after: float, noise: float, replicates: bool = True) -> Any:
+    """A diagnosis whose effect to add takes the held-out RMS (m) from `before` to `after`."""
+    return SimpleNamespace(
+        verdict=Verdict.EFFECT_MISSING, replicates=replicates,
+        first=SimpleNamespace(held_out_rms=after), held_out=SimpleNamespace(rms=before),
+        diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=noise)), patterns=None,
+    )  # fmt: skip
+
+
+@given(st.floats(0.1, 3.0), st.floats(0.1, 3.0), st.floats(0.1, 3.0), st.booleans())
+@example(1.0, 1.02, 1.5, True)  # the tip's error rises while weighted squares fall
+@example(1.0, 1.0, 1.0, True)
+def test_diagnose_and_auto_say_the_same_of_one_effect(before: float, after: float, noise: float, half: bool) -> None:
+    explained, left = before**2 - after**2, max(after**2 - noise**2, 0.0)
+    [step] = attribute_steps([(explained, Evidence(replicates=half))], left)
+    found = report(before, after, noise, half)
+    assert explained_by_first(found) == (explained, left)
+    assert attribution_of(found) == step.kind
+    assert step.kind == Support.POSSIBLE_CAUSE or explained > 0.0
+    assert unexplained_ratio(explained, left) == (left / explained if explained > 0.0 else math.inf)
 
 
 @given(st.lists(steps, max_size=8), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
@@ -80,5 +110,5 @@ def test_more_that_stays_shows_no_more(course: Course, left: float, more: float)
 @pytest.mark.parametrize("seed", seeds(1, 2))
 def test_known_causes_are_findings(tmp_path: Path, seed: int, hidden: tuple[HiddenEffect, ...]) -> None:
     attributed = run(tmp_path, seed, *hidden)
-    assert attributed.count("finding") >= len(hidden)
+    assert attributed.count(Support.FINDING) >= len(hidden)
     assert "possible_cause" not in attributed

@@ -31,7 +31,7 @@ def test_a_known_comparison_changes_nothing(study: Study, monkeypatch: pytest.Mo
     known = study.diagnose(screened=screened, compared=compared)
     assert known.verdict == alone.verdict
     assert known.held_out.rms == pytest.approx(alone.held_out.rms, abs=1e-9)
-    assert known.left.predictable.error.rms == pytest.approx(alone.left.predictable.error.rms, abs=1e-9)
+    assert known.patterns.predictable.error.rms == pytest.approx(alone.patterns.predictable.error.rms, abs=1e-9)
     for one, other in zip(known.ranking, alone.ranking, strict=True):
         assert (one.scored.name, one.verdict, one.equivalent) == (other.scored.name, other.verdict, other.equivalent)
         assert one.held_out_rms == pytest.approx(other.held_out_rms, abs=1e-9)

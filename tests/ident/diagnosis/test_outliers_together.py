@@ -33,8 +33,10 @@ def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, see
     report = diagnosed(*upright_measurements(tmp_path, seed, 300, NOISE, (band,)))
     assert len(report.diagnosis.outlier_distances) >= 5
     assert report.verdict not in ("nothing_missing", "noise_unknown")
-    assert report.left.regimes[0].name == f"q{joint}"
-    assert set(report.diagnosis.outlier_distances) <= set(report.left.pose[report.left.regimes[0].rows].tolist())
+    assert report.patterns.regimes[0].name == f"q{joint}"
+    assert set(report.diagnosis.outlier_distances) <= set(
+        report.patterns.pose[report.patterns.regimes[0].rows].tolist()
+    )
 
 
 @pytest.mark.parametrize("seed", seeds(2, 6))
@@ -45,7 +47,7 @@ def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_pat
     far[rng.permutation(len(data))[:24]] = rng.normal(scale=0.015, size=(24, 3))
     report = diagnosed(model, replace(data, tcp=data.tcp + far))
     assert report.diagnosis.outlier_distances
-    assert not report.left.regimes
+    assert not report.patterns.regimes
     assert report.verdict == "nothing_missing"
 
 

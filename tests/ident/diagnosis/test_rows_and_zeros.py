@@ -18,7 +18,7 @@ from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.residual.thresholds import WITHIN_TWO_DEVIATIONS
+from lrm_ident.residual.thresholds import MAX_WALD_P
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.effects.backlash import Backlash
@@ -107,7 +107,7 @@ def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, se
     fitted = fit_identifiable(model, measured(seed, 80), model.keys).fit
     for key, error in zip(fitted.model.free, fitted.standard_error, strict=True):
         deviations = abs(fitted.model.value(key)) / error
-        assert (wald_p_value(fitted, [key]) > WITHIN_TWO_DEVIATIONS) == (deviations < 2.0) or deviations == (
+        assert (wald_p_value(fitted, [key]) > MAX_WALD_P) == (deviations < 2.0) or deviations == (
             pytest.approx(2.0, abs=1e-3)
         )
     assert wald_p_value(fitted, ()) == 1.0

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from lrm_ident.diagnosis import auto, confirm, replication
+from lrm_ident.diagnosis.inject_recover import InjectionTrial
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
+from lrm_ident.fitting.held_out import HeldOutBlock
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_math.arrays import Array
 
@@ -20,7 +23,7 @@ Patch = pytest.MonkeyPatch
 
 def scored(name: str, alone: float = 1.0) -> Any:
     """A candidate that alone leaves so much of the mean square."""
-    effect = SimpleNamespace(variant_of=(), depends_on=("q",), name=name)
+    effect = SimpleNamespace(is_free_form=False, depends_on=("q",), name=name)
     candidate = SimpleNamespace(effect=effect, priority="")
     return SimpleNamespace(
         name=name, implausible=None, candidate=candidate, alone=SimpleNamespace(held_out=np.full(POSES, alone))
@@ -81,8 +84,29 @@ def test_of_a_parameter_at_its_bound_neither_error_nor_share_of_the_data_is_stat
 def test_an_estimate_that_was_absurd_before_is_no_objection(monkeypatch: Patch) -> None:
     old, new = (SimpleNamespace(key=key, sentence=f"{key} is absurd") for key in ("old", "new"))
     monkeypatch.setattr(confirm, "implausible_of", lambda fit: fit)
-    assert confirm._absurd((old,), (old,)) == ""  # type: ignore[arg-type]
-    assert confirm._absurd((old,), (old, new)) == "new is absurd"  # type: ignore[arg-type]
+    monkeypatch.setattr(confirm, "wald_p_value", lambda *_: 0.0)
+    assert confirm.objection_to_estimates((old,), (), (old,)) is None  # type: ignore[arg-type]
+    absurd = confirm.objection_to_estimates((old, new), (), (old,))  # type: ignore[arg-type]
+    assert absurd == Reason(ReasonKind.ABSURD, said="new is absurd")
+
+
+def test_an_error_that_is_said_is_that_of_the_tip_in_mm() -> None:
+    """Whatever weights the comparison has."""
+    residual = np.full((POSES, 3), 1e-3)
+    block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, weighted=100.0 * residual)
+    objection = confirm.objection_to_prediction([block], [block])
+    assert objection is not None
+    assert objection.kind == ReasonKind.NOT_BETTER
+    assert objection.numbers == pytest.approx([np.sqrt(3) * 1e-3] * 2)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "named", "outcome"),
+    [(None, (), "failed"), (Verdict.NOTHING_MISSING, (), "missed"), (Verdict.EFFECT_MISSING, ("b",), "wrong"),
+     (Verdict.EFFECT_MISSING, ("a",), "found"), (Verdict.EFFECT_MISSING, ("a", "b"), "one of a class")],
+)  # fmt: skip
+def test_outcome_of_an_injected_effect(verdict: Verdict | None, named: tuple[str, ...], outcome: str) -> None:
+    assert InjectionTrial("a", 1e-3, verdict, named).outcome == outcome
 
 
 @pytest.mark.parametrize("wrong", [1, 2])

@@ -15,7 +15,7 @@ from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, concl
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.study.study import Study
-from tests.conftest import EXAMPLE
+from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 
 
@@ -23,6 +23,11 @@ from tests.support.commands import stdout_of
 def fitted() -> Study:
     """The shipped example, fitted."""
     return lrm.Study.of(lrm.load(EXAMPLE)).fit()
+
+
+@pytest.mark.parametrize("verdict", HEADLINES)
+def test_the_docs_quote_every_headline(verdict: Verdict) -> None:
+    assert f"| {HEADLINES[verdict]} (`{verdict}`)" in (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
 
 
 def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:

@@ -77,3 +77,11 @@ def test_angles_everywhere_leave_nothing_open_within_them(tmp_path: Path) -> Non
     )
     assert many.spread(np.array([[0.31, 0.0]]))[0, 0] < 0.1 * few.spread(np.array([[BETWEEN, 0.0]]))[0, 0]
     assert many.sd[0] < 0.5 * few.sd[0]
+
+
+def test_a_refit_with_a_prior_states_what_the_fit_stated() -> None:
+    """Before, a model after `auto --prior` said nothing of angles that were not measured."""
+    fitted = study(np.array([(a, b) for a in LEVELS for b in LEVELS for _ in range(4)]))
+    before, after = (of.model.within.unmeasured for of in (fitted, fitted.fit_all("vague")))
+    assert after.measured == before.measured
+    assert min(after.sd) > 0.0

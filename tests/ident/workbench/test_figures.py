@@ -21,7 +21,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, blocks_html, heading
 from lrm_ident.report.model_report import quick_report, with_diagnosis
-from lrm_ident.report.plain_names import PLAIN, plain_name
+from lrm_ident.report.plain_names import WORDS, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import NO_FUNCTION, candidate_view, drivers_of, von_neumann_ratio
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
@@ -217,7 +217,7 @@ def test_the_list_begins_with_what_the_verdict_names(data: Measurements) -> None
 
 def test_every_effect_has_a_plain_name() -> None:
     for kind in (*CATALOGUE, *FREE_FORMS):
-        assert kind.id in PLAIN
+        assert WORDS[kind.id]["name"]
         assert "{" not in plain_name(f"{kind.id}@joint2")
     assert plain_name("cable_curve@joint1+joint2") == "a free curve over joints 1 and 2 (spline)"
     assert plain_name("my_own@tool") == "my own of tool"

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
+from lrm_ident.fitting.cross_validation import MOST_REFITTED
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
     SHOTS,
@@ -21,6 +22,7 @@ from tests.support.browser import (
     press,
     says,
     wait_for,
+    with_axe,
     workbench,
 )
 from tests.support.commands import part_of_example, stdout_of
@@ -87,7 +89,7 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
 
 
 @pytest.mark.slow
-def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkbench) -> None:
+def test_the_second_quantity_of_a_form_is_its_colour(browser: Any, small: RunningWorkbench) -> None:
     page = opened(browser, small, SIZE)
     idle(page, RANKED)
     page.wait_for_timeout(1000)
@@ -99,17 +101,10 @@ def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkben
       one.second = values.drivers.find((d) => d.name !== one.driver).name;
       lrm.show(values);
     })()""")
-    wait_for(page, "document.getElementById('lrm-form').layout.xaxis2")
-    traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode])")
-    assert traces == [["data", "markers"], ["its form", "markers"]]
-    page.evaluate("""(() => {
-      const values = structuredClone(lrm.state.values);
-      values.ranking[0].second = "load";
-      lrm.show(values);
-    })()""")
-    wait_for(page, "document.getElementById('lrm-form').data.length === 4")
-    panels = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.xaxis, t.mode])")
-    assert panels == [["x", "markers"], ["x", "markers"], ["x2", "markers"], ["x2", "markers"]], "a panel for each load"
+    wait_for(page, "document.getElementById('lrm-form').data[0].marker.showscale")
+    traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode, t.marker.color])")
+    second = page.evaluate("((v) => v.drivers.find((d) => d.name === v.ranking[0].second).values)(lrm.state.values)")
+    assert traces == [["data", "markers", second], ["its form", "markers", second]]
     page.screenshot(path=SHOTS / "map.png")
     page.context.close()
 
@@ -230,7 +225,7 @@ def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path
     With files in the working folder: commands on the page name files as they were given, and long paths wrap.
     """
     monkeypatch.chdir(tmp_path)
-    data = part_of_example(tmp_path, 200).relative_to(tmp_path)
+    data = part_of_example(tmp_path, MOST_REFITTED + 1).relative_to(tmp_path)  # of more no fold is fitted anew
     study = lrm.Study.of(lrm.load(data)).fit()
     for effect in TEN:
         study = study.add(effect)
@@ -320,6 +315,7 @@ def test_a_report_remembers_its_theme(browser: Any, tmp_path: Path) -> None:
     page.context.close()
 
 
+@with_axe
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:

@@ -25,7 +25,6 @@ from lrm_math.collision.straight_move import (
     RESOLUTION,
     ArmBodies,
     MotionClearance,
-    check_bodies,
     check_path,
     rigid_bodies,
 )
@@ -357,7 +356,7 @@ def test_distances_change_no_faster_than_the_motion_bound(arm: Arm, seed: int) -
 def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None = None) -> MotionClearance:
     """Whether the rigid arm keeps a margin (m; its own if None) by the distances of its bodies."""
     bodies = ArmBodies(scene, lambda q: scene.distances(scene.frames(q)))
-    return check_bodies(bodies, scene.pose(q0), scene.pose(q1), scene.margin if margin is None else margin)
+    return check_path(bodies, np.array([scene.pose(q0), scene.pose(q1)]), scene.margin if margin is None else margin)[0]
 
 
 @settings(max_examples=30)
@@ -367,7 +366,7 @@ def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, coun
     path = np.cumsum(np.vstack([rng.uniform(-2, 2, arm.dof), rng.uniform(-step, step, (count, arm.dof))]), axis=0)
     keep = np.minimum(scene.margin, scene.separations(scene.frames(path[:1]))[0] - rng.choice([0.0, 0.002]))
     bodies = rigid_bodies(scene)
-    alone = [check_bodies(bodies, a, b, keep) for a, b in pairwise(path)]
+    alone = [check_path(bodies, np.array(move), keep)[0] for move in pairwise(path)]
     found, move = check_path(bodies, path, keep)
     refused = next((number for number, one in enumerate(alone) if not one.free), None)
     assert found.free == (refused is None)
@@ -415,7 +414,7 @@ def test_a_way_that_is_found_free_comes_no_nearer_than_its_start_anywhere(arm: A
     for direction in (rng.uniform(-1, 1, arm.dof), gradient / max(float(np.linalg.norm(gradient)), 1e-9)):
         q1 = q0 + scale * direction
         path = q0 + np.linspace(0.0, 1.0, 1001)[:, None] * (q1 - q0)
-        found = check_bodies(bodies, q0, q1, keep)
+        found, _ = check_path(bodies, np.array([q0, q1]), keep)
         least = bodies.separations(path).min()
         if found.free:
             assert least >= keep - 2e-9

@@ -44,7 +44,7 @@ def fitted(lab: Arm, measured: Measurements) -> Fit:
 
 
 def written(fit: Fit, data: Measurements, path: Path) -> ModelFile:
-    file = model_file(fit, data, HeldOutResidual(None, "not asked for"), "lrm-lab", StepName(FIT), "squared")
+    file = model_file(fit, data, HeldOutResidual(None, "not asked for"), "lrm-lab", StepName(FIT))
     path.write_text(model_text(file))
     return file
 
@@ -78,7 +78,7 @@ def test_the_fits_covariance_is_in_its_file(fitted: Fit, measured: Measurements,
 def test_undo_restores_every_byte(fitted: Fit, measured: Measurements, lab: Arm, tmp_path: Path) -> None:
     before = written(fitted, measured, tmp_path / "model.toml")
     more = add_effects(fitted.model, measured, effects_at(lab, "servo_gain@joint2"))
-    after = model_file(more, measured, HeldOutResidual(None, ""), "lrm-lab", StepName(ADD), "squared", before.history)
+    after = model_file(more, measured, HeldOutResidual(None, ""), "lrm-lab", StepName(ADD), before.history)
     (tmp_path / "after.toml").write_text(model_text(after))
     read = read_toml(tmp_path / "after.toml", ModelFile)
     assert read.covariance is not None

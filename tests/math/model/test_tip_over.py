@@ -74,10 +74,10 @@ def test_an_arm_file_states_what_the_arm_stands_on(tmp_path: Path) -> None:
 def test_answers_have_it_where_the_arm_file_has_a_vehicle() -> None:
     config = load_config(CONFIG)
     q = [0.0, 0.3, 0.4, 0.0, 0.5, 0.0]
-    plain = IkService(config, deploy(config))
+    plain = IkService.of(config, deploy(config))
     assert next(plain.forward(FkRequest(q_rad=[q]))).tip_over_rad is None
     on_wheels = replace(config, arm=replace(config.arm, vehicle=ROVER))
-    service = IkService(on_wheels, deploy(on_wheels))
+    service = IkService.of(on_wheels, deploy(on_wheels))
     level = next(service.forward(FkRequest(q_rad=[q])))
     a = np.radians(10.0)
     sloped = next(service.under_gravity((0.0, float(np.sin(a)), float(-np.cos(a)))).forward(FkRequest(q_rad=[q])))

@@ -39,7 +39,8 @@ def link_frames(arm: Arm, q: Array) -> Array:
 def bodies_apart(arm: Arm, placed: Array, around: Sequence[Obstacle], below: float) -> dict[tuple[str, str], Array]:
     """Distances (N,), m, of every pair that may collide, for frames (L + 2, N, 4, 4).
 
-    Those that are larger than `below` are known to be so, and not how large they are."""
+    Those that are larger than `below` are known to be so, and not how large they are.
+    A map without a column is in no pair."""
     capsules = (*arm.shapes.capsules, *(one for one in around if isinstance(one, Capsule)))
     solids = (*arm.shapes.boxes, *(one for one in around if not isinstance(one, Capsule)))
     axes = {c.name: _axis(c, placed) for c in capsules}
@@ -48,7 +49,7 @@ def bodies_apart(arm: Arm, placed: Array, around: Sequence[Obstacle], below: flo
 
     def add(capsule: Capsule, other: Obstacle, signed: Sequence[Signed], radius: float) -> None:
         apart = abs(carrier[capsule.name] - carrier[other.name]) > 1
-        if apart and (capsule.name, other.name) not in arm.shapes.ignored:
+        if apart and signed and (capsule.name, other.name) not in arm.shapes.ignored:
             nearest = [_least(*axes[capsule.name], one, below + radius) for one in signed]
             found[capsule.name, other.name] = np.min(nearest, axis=0) - radius
 

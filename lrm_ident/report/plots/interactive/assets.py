@@ -12,15 +12,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lrm_ident.report.glossary import terms_json
+
 FOLDER = Path(__file__).resolve().parent
 LIBRARY, STYLE = FOLDER / "plotly" / "plotly-basic.min.js", FOLDER / "page" / "figures.css"
-THEME = FOLDER / "page" / "theme.js"
-"""Runs before anything is drawn."""
+PROLOGUE = f"const lrmTerms = {terms_json()};\n{(FOLDER / 'page' / 'theme.js').read_text(encoding='utf-8')}"
+"""Runs before anything is drawn: the words that are explained; light or dark."""
 TOLD, BESIDE, BELOW = (FOLDER / "page" / "panels.html").read_text(encoding="utf-8").split("<!-- next -->\n")
 """Of page and report: the words of the verdict, to be formatted; the panels beside them; those below."""
 NAMES = (
     "charts/chart",
-    "page/terms",
     "page/glossary",
     "page/sketches",
     "scene/pen",

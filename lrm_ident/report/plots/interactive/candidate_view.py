@@ -60,7 +60,7 @@ def candidate_view(
     fitted, data = found.screened_subset
     weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns(scored.shape)
-    alone = (columns @ scored.alone.theta).reshape(len(data), -1)[:, :3]
+    alone = (columns @ best_estimate(ranked)).reshape(len(data), -1)[:, :3]
     added = weigh.positions(scored.added)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
@@ -91,6 +91,22 @@ def candidate_view(
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
         "size": _size(scored),
     }
+
+
+def refitted_keys(ranked: RankedCandidate) -> list[str]:
+    """Keys of a candidate's parameters, where they were refitted together with everything else; else none."""
+    candidate, fit = ranked.scored.candidate, ranked.fit
+    keys = [candidate.effect.keys[row] for row in candidate.rows]
+    return keys if fit is not None and set(keys) <= set(fit.model.free) else []
+
+
+def best_estimate(ranked: RankedCandidate) -> Array:
+    """(m,), a candidate's parameters in typical sizes: of the refit with it, where there is one, else of it alone."""
+    keys = refitted_keys(ranked)
+    if ranked.fit is None or not keys:
+        return ranked.scored.alone.theta
+    typical = [parameter.typical for parameter in ranked.scored.candidate.parameters]
+    return np.array([ranked.fit.model.value(key) for key in keys]) / typical
 
 
 def _refused(scored: ScoredCandidate, found: Diagnosis) -> str:

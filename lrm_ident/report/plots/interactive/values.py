@@ -11,10 +11,10 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, NextStep
+from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES, NextStep
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
-from lrm_ident.report.plain_names import plain_name, step_title
+from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
@@ -42,6 +42,7 @@ STANDINGS = {
 def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     known = {} if found.diagnosis is None else found.diagnosis.values
+    commands = _commands(found)
     return {
         **_poses(found.field, found.poses),
         **_arms(found.field),
@@ -49,7 +50,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
         ],
         "verdict": found.verdict,
-        "facts": [[label, words] for label, words in found.facts],
+        "facts": [[label, words, label in FIRST] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
         "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
@@ -60,8 +61,8 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
-        "next": _next(found, str(known.get("next_poses_hint", ""))),
-        "commands": [[one.command, one.words, one.then] for one in _commands(found)],
+        "next": "" if commands else known.get("next_poses_hint", ""),
+        "commands": [[one.command, one.words, one.then] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -145,11 +146,6 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     }
 
 
-def _next(found: ModelReport, hint: str) -> str:
-    """What to do next; nothing where commands and their words state it."""
-    return "" if _commands(found) else hint
-
-
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:
     """Commands to copy, where the names of their files are known."""
     steps = () if found.conclusion is None else found.conclusion.next
@@ -176,6 +172,7 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
         **own,
         **plain(fall),
         "fall": fall.words,
+        "sketch": words_of(card.name, "sketch"),
         "share": fall.share_of_excess(floor),
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
@@ -256,6 +253,7 @@ def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str
     return {
         **view,
         "title": plain_name(view["name"]),
+        "sketch": words_of(view["name"], "sketch"),
         "verdict": advice["verdict"],
         "standing": standing,
         "mark": STANDINGS[standing],

@@ -170,7 +170,7 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     law.write_text(found.best.source, encoding="utf-8")
     (kind,) = effects_in(law)
     fitted = add_effects(base_fit(arm, data), data, [kind(arm, "joint2")])
-    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), StepName(ADD), "squared")
+    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), StepName(ADD))
     assert file.provenance is not None
     assert file.provenance.effects_file == law.resolve().as_posix()
     assert file.provenance.effects_sha256 == sha256_of(law)
@@ -228,7 +228,7 @@ def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
 def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> None:
     data, arm = case_data(NOTHING, tmp_path, 60), three_joints()
     fitted = fit(model_of(arm, effects_at(arm, "offsets@base")), data)
-    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), StepName(FIT), "squared")
+    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), StepName(FIT))
     assert file_of(fitted.model.effects) is None
     assert file.provenance is not None
     assert file.provenance.effects_file is None

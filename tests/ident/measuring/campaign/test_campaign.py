@@ -179,6 +179,36 @@ def test_a_stop_lasts_as_long_as_the_arm_says_that_its_tip_swings(tmp_path: Path
         run(FakeWorld(), tmp_path / "other.csv", told, PredictedSettling(15.0, 0.5, 1.0))
 
 
+def test_a_pose_is_held_as_long_as_its_file_says_and_the_memory_of_the_data_knows(tmp_path: Path) -> None:
+    """From the design's file to the step of the history; a shorter hold than the usual stop changes nothing."""
+    holds = [0.0, 40.0, 5.0, 120.0]
+    rows = [f"{k + 1},{10.0 * k},0,0,0,0,0,0,{hold}" for k, hold in enumerate(holds)]
+    (tmp_path / "next.csv").write_text(
+        "\n".join(["pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,payload_g,hold_s", *rows])
+    )
+    plan = load_plan(tmp_path / "next.csv", ARM)
+    assert [pose.hold for pose in plan.poses] == holds
+    with (file := DataFile(tmp_path / "data.csv", 6)):
+        world = FakeWorld()
+        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=world.t)
+        timing = PoseTiming(15.0, 0.5, 1.0)
+        PoseCampaign(world, world, NUMBERS, world, timing, POSES[0], lambda _: None).run(plan.poses, file)
+    poses = load_measurements(tmp_path / "data.csv", ARM).poses
+    assert poses.history is not None
+    np.testing.assert_allclose(poses.history.visits.step, [0.0, 44.05, 15.0, 124.05], atol=0.06)
+
+
+def test_a_file_without_times_has_the_steps_that_it_was_to_be_held(tmp_path: Path) -> None:
+    """Measured by hand after a design: equal steps, and what each pose was held."""
+    header = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,hold_s,x_mm,y_mm,z_mm"
+    rows = [f"{k + 1},{10 * k},0,0,0,0,0,{60 * (k % 2)},300,{k},200" for k in range(4)]
+    (tmp_path / "hand.csv").write_text("\n".join([header, *rows]))
+    history = load_measurements(tmp_path / "hand.csv", ARM).poses.history
+    assert history is not None
+    assert history.visits.step.tolist() == [0.0, 70.0, 10.0, 70.0]
+    assert not history.visits.timed
+
+
 def test_settle_takes_seconds_or_auto() -> None:
     assert _timing(15.0, "0.7", 1.0, None) == PoseTiming(15.0, 0.7, 1.0)
     assert isinstance(_timing(15.0, "auto", 1.0, None), PredictedSettling)

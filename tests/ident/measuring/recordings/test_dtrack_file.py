@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.measuring.recordings.tracker_csv import read_export
+from lrm_ident.measuring.recordings.readers import read_take
 from lrm_math.errors import FileError
 
 places = st.lists(st.floats(-2000.0, 2000.0), min_size=3, max_size=3)
@@ -38,9 +38,9 @@ def test_every_target_is_a_body_and_nan_where_it_was_not_seen(
     numbers = {number for one in taken for number in one}
     if not numbers:
         with pytest.raises(FileError, match="no target was seen"):
-            read_export(path, None)
+            read_take(path)
         return
-    take = read_export(path, None)
+    take = read_take(path)
     assert set(take.bodies) == {str(number) for number in numbers}
     np.testing.assert_allclose(take.t, 40000.0 + 0.0166 * np.arange(len(taken)), atol=1e-5)
     for name, body in take.bodies.items():
@@ -58,4 +58,4 @@ def test_a_frame_that_cannot_be_read_is_named_by_its_line(tmp_path: Path) -> Non
     path = tmp_path / "take.txt"
     path.write_text(good + "fr 2\n6d 0\n" + good)
     with pytest.raises(FileError, match=r"line 5.*ts"):
-        read_export(path, None)
+        read_take(path)

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.measuring.recordings.imported import still_rests
 from lrm_ident.measuring.recordings.published_mat import read_mat_positions
+from lrm_ident.measuring.recordings.readers import read_take
 from lrm_ident.measuring.recordings.time_matching import rows_of_same_time
-from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.errors import FileError
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stderr_of, stdout_of
@@ -199,7 +199,7 @@ def test_an_export_without_frames_is_one_line(tmp_path: Path, write: Callable[[P
     for rest in ([], ["", ",,"]):
         source.write_text("\n".join([*source.read_text().splitlines()[:header], *rest]) + "\n")
         with pytest.raises(FileError, match="no frames below"):
-            read_export(source, None)
+            read_take(source)
 
 
 def test_rotations_that_may_mean_two_things_are_asked_for(tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_markers_of_nexus_are_bodies_too(tmp_path: Path) -> None:
     rows = ["Trajectories", "100", ";;Arm:tip;;", "Frame;Sub Frame;X;Y;Z", ";;mm;mm;mm"]
     rows += [f"{k + 1};0;" + ";".join(f"{v * 1e3:.4f}" for v in tool[k]) for k in range(len(t))]
     path.write_text("\n".join(row.replace(",", ";") for row in rows) + "\n")
-    take = read_export(path, None)
+    take = read_take(path)
     np.testing.assert_allclose(take.bodies["Arm:tip"].position, tool, atol=1e-6)
     np.testing.assert_allclose(take.t, t, atol=1e-9)
 
@@ -228,7 +228,7 @@ def test_garbage_is_a_file_error_or_no_recording(data: bytes, head: bytes) -> No
     with TemporaryDirectory() as folder, suppress(FileError):
         path = Path(folder) / "take.csv"
         path.write_bytes(head + data)
-        assert len(read_export(path, "helical").bodies)
+        assert len(read_take(path, "helical").bodies)
 
 
 @given(st.binary(max_size=400), st.booleans())

@@ -1,22 +1,18 @@
 // Which effect: the list of candidates, the chosen one beside the data, and what it would do at any size. `page`: of figures.js.
 "use strict";
 function lrmCandidates(page) {
-  const { state, place, element, words, draw, selected, poseOf, wireScatter } = page;
+  const { state, place, fill, words, draw, selected, poseOf, wireScatter } = page;
   const { colour, range, at } = lrmChart;
-  const NARROW_PX = 480, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"], MOST_PANELS = 3;
+  const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
   function drawCandidate() {
-    const one = candidate(), detail = place("detail");
-    for (const id of ["added", "form"]) if (place(id)) place(id).classList.toggle("lrm-empty", !one);
-    if (detail) detail.replaceChildren(...(one ? details(one) : []));
+    const one = candidate();
+    for (const id of ["added", "form"]) place(id).classList.toggle("lrm-empty", !one);
+    fill("detail", one ? details(one) : "");
     if (!one) return;
     drawAdded(one);
-    const axis = (name) => state.values.drivers.find((d) => d.name === name), driver = axis(one.driver), second = axis(one.second);
-    const levels = second ? [...new Set(second.values)].sort((a, b) => a - b) : [];
-    if (second && levels.length <= MOST_PANELS) drawPanels(one, driver, second, levels);
-    else if (driver && second) drawMaps(one, driver, second);
-    else if (driver) drawForm(one, driver);
+    drawForm(one);
   }
 
   function drawAdded(one) {
@@ -33,117 +29,55 @@ function lrmCandidates(page) {
   }
 
   // The data and what the form says of each pose, as points: a form may follow more than is drawn, and no line hides that.
-  function pointsOfForm(one, driver, rows, on) {
-    const x = at(driver.values, rows);
-    return [
-      { type: "scatter", mode: "markers", name: "data", x, y: at(one.around, rows), ...on, selectedpoints: selected(rows), ...poseOf(rows),
-        hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>", marker: { size: 5, color: colour("model"), opacity: 0.55 } },
+  // A second quantity that it follows is the colour of both.
+  function drawForm(one) {
+    const [driver, second] = [one.driver, one.second].map((name) => state.values.drivers.find((d) => d.name === name)), rows = page.points();
+    if (!driver) return;
+    const x = at(driver.values, rows), known = second && at(second.values, rows).filter((value) => value !== null);
+    const hue = (ink, bar) => !second ? { color: colour(ink) } : { color: at(second.values, rows).map((value) => value ?? NaN), cmin: Math.min(...known), cmax: Math.max(...known),
+      colorscale: [[0, colour("held")], [0.5, colour("line")], [1, colour("model")]], showscale: bar, colorbar: { title: { text: second.label, side: "right" }, thickness: 10, len: 0.9 } };
+    const hover = `%{text}: %{y:.3f} deg${second ? `; ${second.label} %{marker.color}` : ""}<extra></extra>`;
+    draw("form", [
+      { type: "scatter", mode: "markers", name: "data", x, y: at(one.around, rows), selectedpoints: selected(rows), ...poseOf(rows),
+        hovertemplate: hover, marker: { size: 5, opacity: 0.55, ...hue("model", Boolean(second)) } },
       { type: "scatter", mode: "markers", name: state.size ? `its form, ${state.size.toFixed(2)} times` : "its form", x,
-        y: at(one.form, rows).map((y) => (y === null ? y : size() * y)), ...on, hoverinfo: "skip",
-        marker: { symbol: "diamond", size: 5, color: colour("held") } },
-    ];
-  }
-
-  function drawForm(one, driver) {
-    draw("form", pointsOfForm(one, driver, page.points(), {}), { xaxis: { title: { text: driver.label, standoff: 4 } },
+        y: at(one.form, rows).map((y) => (y === null ? y : size() * y)), hoverinfo: "skip",
+        marker: { symbol: second ? "diamond-open" : "diamond", size: second ? 7 : 5, ...hue("held", false) } },
+    ], { xaxis: { title: { text: driver.label, standoff: 4 } },
       yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
   }
 
-  // A form of two quantities of which one has few levels: a panel for each level.
-  function drawPanels(one, driver, second, levels) {
-    const shown = page.points(), traces = [], axes = {}, n = levels.length, limits = range(one.around).limits;
-    levels.forEach((level, k) => {
-      const rows = shown.filter((row) => second.values[row] === level), key = k ? k + 1 : "", on = { xaxis: "x" + key, showlegend: !k };
-      axes["xaxis" + key] = { domain: [(k + 0.04) / n, (k + 0.96) / n], anchor: "y", nticks: 4, tickangle: 0,
-        title: { text: k === (n - 1) >> 1 ? `${driver.label}<br>left to right: ${second.label} ${levels.join(", ")}` : "", standoff: 4, font: { size: 12 } } };
-      traces.push(...pointsOfForm(one, driver, rows, on));
-    });
-    draw("form", traces, { ...axes, yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: limits } }, wireScatter);
-  }
-
-  // A form of two quantities: a map of the data and one of the form, on one scale of colours; one above the other where
-  // there is little room beside each other.
-  function drawMaps(one, driver, second) {
-    const limit = range(one.around).limits[1], scale = [[0, colour("model")], [0.5, colour("grid")], [1, colour("held")]];
-    const rows = page.points();
-    const map = (name, turns, axes, bar) => ({ type: "scatter", mode: "markers", name, x: at(driver.values, rows), y: at(second.values, rows),
-      selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{marker.color:.3f} deg<extra></extra>", ...axes,
-      marker: { size: 6, color: at(turns, rows).map((turn) => (turn === null ? NaN : turn)), cmin: -limit, cmax: limit, colorscale: scale,
-        showscale: bar, colorbar: { title: { text: "deg" }, thickness: 10, len: 0.9 } } });
-    const title = (text, [x, y]) => ({ text, x, y, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
-    const [along, up] = [driver, second].map((one) => ({ title: { text: one.label, standoff: 4 } }));
-    const beside = place("form").clientWidth > NARROW_PX;
-    const axes = beside ? { xaxis: { ...along, domain: [0, 0.48] }, xaxis2: { ...along, domain: [0.52, 1], anchor: "y" }, yaxis: up }
-      : { xaxis: { showticklabels: false }, xaxis2: { title: { text: `${driver.label}<br>upwards: ${second.label}`, standoff: 4, font: { size: 12 } }, nticks: 4, tickangle: 0, anchor: "y2" }, yaxis: { domain: [0.56, 1] }, yaxis2: { domain: [0, 0.42], anchor: "x2" } };
-    const data = `data: turn of joint ${one.joint + 1}`;
-    draw("form", [map("data", one.around, {}, false), map("its form", one.form, { xaxis: "x2", ...(beside ? {} : { yaxis: "y2" }) }, true)], {
-      showlegend: false, margin: { l: 8, r: 8, t: 22, b: 8 }, ...axes,
-      annotations: [title(data, [0, 1]), title("its form", beside ? [0.52, 1] : [0, 0.42])] }, wireScatter);
-  }
-
   function details(one) {
-    const lines = [element("p", one.why)], numbers = element("details", "", "lrm-soft");
-    lines.push(element("p", one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently.",
-      "lrm-soft"));
-    if (one.rivals.length) lines.push(element("p", "These poses cannot distinguish it from " + one.rivals.join(", ") + ".", "lrm-soft"));
-    numbers.append(element("summary", `${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}`), element("p", one.estimates.join(", ")));
-    return [...lines, explained(one.about), numbers];
-  }
-
-  function explained(about) {
-    const box = element("details", "", "lrm-soft lrm-explain"), lines = [about.cause, about.formula, about.needs && `Shown by ${about.needs}.`, about.source];
-    box.append(element("summary", "Explain"), ...lines.filter(Boolean).map((text) => element("p", text)));
-    return box;
-  }
-
-  function drawHead() {
-    const head = place("ranking-head"), v = state.values;
-    if (!head) return;
-    const row = element("div", "", "lrm-ranking-row"), marks = [...new Set(v.ranking.map((one) => one.mark))];
-    row.append(element("span", "effect"), element("span", "held-out RMS left, mm"));
-    if (v.ranking.some((one) => one.held.startsWith("≈"))) marks.push("≈ estimated, not refitted");
-    if (v.ranking.some((one) => one.gain !== null)) marks.push("bar: what it takes away");
-    const legend = element("p", "", "lrm-legend lrm-soft");
-    legend.append(...marks.flatMap((mark) => [element("span", mark), "   "]));
-    head.replaceChildren(...(v.ranking.length ? [row, legend] : []));
-    lrmGlossary(head);
+    const { cause, formula, needs, source } = one.about, about = [cause, formula, needs && `Shown by ${needs}.`, source].filter(Boolean);
+    return lrmHtml`<p>${one.why}</p>
+      <p class="lrm-soft">${one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently."}</p>
+      ${one.rivals.length ? lrmHtml`<p class="lrm-soft">These poses cannot distinguish it from ${one.rivals.join(", ")}.</p>` : ""}
+      <details class="lrm-soft lrm-explain"><summary>Explain</summary>${about.map((text) => lrmHtml`<p>${text}</p>`)}</details>
+      <details class="lrm-soft"><summary>${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}</summary><p>${one.estimates.join(", ")}</p></details>`;
   }
 
   function drawRanking(choose) {
-    const list = place("ranking"), v = state.values;
-    drawHead();
-    if (!list) return;
+    const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
+    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"),
+      ...some((one) => one.gain !== null, "bar: what it takes away")];
+    lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
+      <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
     const known = v.ranking.filter((one) => one.gain !== null), above = (one) => v.floor === null ? 0 : one.heldOut + one.gain - v.floor;
-    const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
-    list.setAttribute("role", "radiogroup");
-    list.replaceChildren(...v.ranking.map((one, number) => {
-      const button = element("button", "", "lrm-candidate lrm-" + one.standing), is = one.name === state.candidate;
-      button.type = "button";
-      button.setAttribute("role", "radio");
-      button.setAttribute("aria-checked", String(is));
-      button.tabIndex = is || (!state.candidate && !number) ? 0 : -1;
-      button.dataset.name = one.name;
-      const bar = element("span", "", "lrm-bar"), name = element("span", one.title + " ", "lrm-name");
-      bar.style.width = 100 * Math.max(0, one.gain) / most + "%";
-      name.append(element("small", one.name, "lrm-soft"));
-      button.append(bar, element("span", one.mark.split(" ")[0], "lrm-mark"), name, element("span", one.held, "lrm-held"));
-      button.title = one.mark;
-      button.addEventListener("click", () => choose(one.name));
-      return button;
-    }));
+    const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9), chosen = v.ranking.findIndex((one) => one.name === state.candidate);
+    const list = fill("ranking", lrmHtml`${v.ranking.map((one, number) => lrmHtml`<button type="button" class="lrm-candidate lrm-${one.standing}" role="radio" aria-checked="${number === chosen}"
+        tabindex="${number === Math.max(chosen, 0) ? 0 : -1}" data-name="${one.name}" title="${one.mark}"><span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span>
+        <span class="lrm-mark">${one.mark.split(" ")[0]}</span><span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></button>`)}`);
+    const chooseAndFocus = (name) => { choose(name); list.querySelector('[aria-checked="true"]').focus({ preventScroll: true }); };
+    list.onclick = (event) => { const button = event.target.closest("button"); if (button) chooseAndFocus(button.dataset.name); };
     list.onkeydown = (event) => {
       const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
       if (!step) return;
       event.preventDefault();
-      const at = v.ranking.findIndex((one) => one.name === state.candidate);
-      const next = v.ranking[Math.min(Math.max(at + step, 0), v.ranking.length - 1)];
-      choose(next.name);
-      list.querySelector('[aria-checked="true"]').focus();
+      chooseAndFocus(v.ranking[Math.min(Math.max(chosen + step, 0), v.ranking.length - 1)].name);
     };
   }
 
   // What if the chosen effect had a size: arrows, turns and RMS of the last step without it, linear, before any refit.
-  const MOST = 2; // times the estimate
   let shown = null;
 
   // What is left of a residual (rows of [x, y, z] or numbers) where a part `added` is explained.
@@ -166,28 +100,19 @@ function lrmCandidates(page) {
   }
 
   function drawSlider(one) {
-    const box = place("what-if");
-    if (!box) return;
-    if (shown === one && box.firstChild) return;
+    const input = place("what-if-size"), said = place("what-if-says");
+    if (shown === one) return;
     [shown, state.size] = [one, 0];
-    box.hidden = !one;
-    if (!one) return box.replaceChildren();
-    const label = element("label", "What if "), input = element("input"), said = element("output", says(one));
-    Object.assign(input, { type: "range", min: 0, max: MOST, step: 0.02, value: 0, id: "lrm-what-if-size" });
+    place("what-if").hidden = !one;
+    if (!one) return;
+    input.value = 0;
     input.setAttribute("aria-label", `size of ${one.title}, in times its estimate`);
-    said.htmlFor = input.id;
-    said.id = "lrm-what-if-says";
+    said.textContent = says(one);
     input.oninput = () => {
       state.size = Number(input.value);
       said.textContent = says(one);
       page.drawField(); page.drawTurn(); drawCandidate();
     };
-    const scale = element("span", "", "lrm-marks"), marks = ["none", "estimate", "twice"];
-    scale.append(...marks.map((text) => element("small", text)));
-    const track = element("span", "", "lrm-track");
-    track.append(input, scale);
-    label.append(track);
-    box.replaceChildren(label, said);
   }
 
   // What is drawn of the slider follows the effect chosen and the step shown.

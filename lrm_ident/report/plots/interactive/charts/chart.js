@@ -1,5 +1,13 @@
 // What all flat charts share: colours of the page's style, Plotly's layout and buttons, means and ranges of points.
 "use strict";
+// HTML of a template: what is put in is escaped, unless it is HTML of such a template itself, or a list of such.
+const lrmHtml = (() => {
+  class Html extends String {}
+  const shown = (one) => one instanceof Html ? one : Array.isArray(one) ? one.map(shown).join("")
+    : String(one ?? "").replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt(0)};`);
+  return ({ raw }, ...put) => new Html(String.raw({ raw }, ...put.map(shown)));
+})();
+
 const lrmChart = (() => {
   const BINS = 12;
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();

@@ -33,8 +33,7 @@ function lrmBrush(page) {
   function brush(poses) {
     state.brushed = poses && poses.size ? poses : null;
     page.drawField(); page.drawTurn(); page.drawCandidate(); tellSample();
-    const note = place("brushed");
-    if (note) note.textContent = state.brushed ? `${state.brushed.size} poses marked` : "";
+    place("brushed").textContent = state.brushed ? `${state.brushed.size} poses marked` : "";
   }
 
   function toggle(row) {

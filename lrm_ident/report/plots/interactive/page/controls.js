@@ -1,20 +1,9 @@
 // Selects and buttons beside the figures: joint, driver, step, poses; and what a choice changes.
 "use strict";
 function lrmControls(page) {
-  const { state, place, element, emit } = page;
+  const { state, place, options, emit } = page;
 
-  function options(id, entries, value) {
-    const select = place(id);
-    if (!select) return;
-    select.replaceChildren(...entries.map(([key, text]) => {
-      const option = element("option", text);
-      option.value = key;
-      return option;
-    }));
-    select.value = value;
-  }
-
-  function fill() {
+  function fillControls() {
     const v = state.values, steps = v.steps.map((step, i) => [String(i), `${i} ${step.title}`]);
     options("joint", v.q[0].map((_, i) => [String(i), `joint ${i + 1}`]), String(state.joint));
     options("driver", v.drivers.map((d) => [d.name, d.name]), state.driver);
@@ -26,7 +15,7 @@ function lrmControls(page) {
   }
 
   function wireControls() {
-    const on = (id, action) => { if (place(id)) place(id).onchange = (event) => action(event.target.value); };
+    const on = (id, action) => { place(id).onchange = (event) => action(event.target.value); };
     on("joint", (value) => { state.joint = Number(value); page.drawTurn(); });
     on("driver", (value) => { state.driver = value; page.drawTurn(); });
     on("step", (value) => showStep(Number(value)));
@@ -36,7 +25,8 @@ function lrmControls(page) {
     });
     on("marked", (value) => page.brush(value ? new Set(state.values.marked[value]) : null));
     on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) page.hover(row); });
-    if (place("clear")) place("clear").onclick = () => page.brush(null);
+    place("clear").onclick = () => page.brush(null);
+    page.wirePicture();
   }
 
   // Tells the page around the figures which effect may be added.
@@ -51,13 +41,9 @@ function lrmControls(page) {
     const one = page.candidate();
     if (one) {
       [state.joint, state.driver] = [one.shown.joint, one.shown.driver];
-      fill();
+      fillControls();
     }
-    page.drawRanking(choose);
-    page.drawCandidate();
-    page.drawWhatIf();
-    page.drawTurn();
-    page.drawStory(showStep);
+    page.drawRanking(choose); page.drawCandidate(); page.drawWhatIf(); page.drawTurn(); page.drawStory(showStep);
     tellChosen();
   }
 
@@ -65,7 +51,7 @@ function lrmControls(page) {
     const from = state.values.steps[state.step];
     if (!state.values.steps[number]) return;
     state.step = number;
-    fill();
+    fillControls();
     if (from) page.glide(from.residual);
     page.drawWhatIf(); page.drawTurn(); page.drawStory(showStep); page.tell();
     emit("lrm_step", number);
@@ -77,5 +63,5 @@ function lrmControls(page) {
     }
   }
 
-  return { fill, wireControls, tellChosen, choose, showStep, resize };
+  return { fillControls, wireControls, tellChosen, choose, showStep, resize };
 }

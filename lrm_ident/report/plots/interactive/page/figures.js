@@ -1,5 +1,5 @@
 // The interactive figures of the workbench and the report: drawn from the values of values.py.
-// lrm.show(values) draws all that has a place (an element with the figure's id) on the page.
+// lrm.show(values) draws all of them into the elements of panels.html.
 "use strict";
 // What the parts of the page share: what is chosen, and how places and words are found. `page` of every other script is this,
 // with what the scripts loaded before have added to it.
@@ -12,14 +12,20 @@ function lrmShared() {
   const norm = (v) => Math.hypot(v[0], v[1], v[2]);
   const rowOfPose = () => Math.max(state.values.pose.indexOf(state.pose), 0);
 
-  function element(tag, text, name) {
-    const out = document.createElement(tag);
-    if (text) out.textContent = text;
-    if (name) out.className = name;
-    return out;
+  // Fills an element with HTML; one that shows it already is left alone, with what a person has unfolded in it.
+  const filled = new WeakMap();
+  function fill(id, content) {
+    const box = place(id), html = String(content);
+    if (filled.get(box) !== html) box.innerHTML = html;
+    filled.set(box, html);
+    return box;
   }
 
-  return { state, scenes: {}, place, emit, words, norm, rowOfPose, element };
+  function options(id, entries, value) {
+    fill(id, lrmHtml`${entries.map(([key, text]) => lrmHtml`<option value="${key}">${text}</option>`)}`).value = value;
+  }
+
+  return { state, scenes: {}, place, fill, options, emit, words, norm, rowOfPose };
 }
 
 // Paper is light, and gets every figure in full, also those that were not in view yet.
@@ -30,8 +36,8 @@ function lrmPrint(page) {
   function print(begin) {
     if (begin) print.theme = document.documentElement.dataset.theme;
     const field = document.getElementById("panel-field"), cards = document.getElementById("panel-cards");
-    if (begin && cards) { [print.before, print.of] = [field.nextSibling, field.parentNode]; cards.after(field); } // paper: cards first
-    else if (cards && print.of) print.of.insertBefore(field, print.before);
+    if (begin) { [print.before, print.of] = [field.nextSibling, field.parentNode]; cards.after(field); } // paper: cards first
+    else if (print.of) print.of.insertBefore(field, print.before);
     for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
     page.theme(begin ? "light" : print.theme);
     page.drawWaiting(() => true);
@@ -52,7 +58,7 @@ const lrm = (() => {
 
   function redraw() {
     if (!state.values) return;
-    page.fill(); page.drawRanking(choose); page.drawWhatIf(); page.drawField(); page.drawArm(); page.tell(); page.drawTurn();
+    page.fillControls(); page.drawRanking(choose); page.drawWhatIf(); page.drawField(); page.drawArm(); page.tell(); page.drawTurn();
     page.drawStory(showStep); page.drawCandidate(); page.drawCards(); page.tellSample();
   }
 
@@ -67,7 +73,7 @@ const lrm = (() => {
     const last = values.steps.length - 1;
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
-    const room = page.place("field")?.parentElement.clientWidth || 0;
+    const room = page.place("field").parentElement.clientWidth;
     if (!state.paired) state.beside = last > 0 && room > PAIR_PX ? 0 : null; // before and after, until a person chooses
     if (!values.ranking.some((one) => one.name === state.candidate)) state.candidate = null;
     const other = !same;

@@ -19,31 +19,13 @@ const lrmSketch = (() => {
     frame: [["M14 50V14H50"], ["M14 50L56 54L50 14"], ["M14 50H50V14"], [], "the instrument is off"],
     length: [[GROUND, "M24 56V34"], ["M24 34L80 22"], ["M24 34L66 26"], [JOINT.concat(4)], "length or angle differs"],
   };
-  const OF = { backlash: "play", bearing_curve: "play", axial_play: "play", creep: "creep", self_heating: "creep", drift: "creep",
-    drift_curve: "creep", bending_ends: "bend", lateral_compliance: "bend", base_compliance: "lean", base_curve: "lean", gravity: "lean",
-    eccentricity: "gear", gear_ripple: "gear", quantisation: "gear", servo_gain: "gain", common_gain: "gain", angle_curve: "gain",
-    hysteresis: "loop", friction_curve: "loop", cable_spring: "cable", cable_curve: "cable", coupling: "cable", coupling_curve: "cable",
-    nonlinear_stiffness: "spring", compliance: "spring", torque_curve: "spring", servo_droop: "spring", mass: "mass", payload: "mass",
-    slip: "step", change_point: "step", second_change_point: "step", session: "step", measurement_frame: "frame", frame_curve: "frame",
-    anchor: "frame", touched_point: "frame", touched_board: "frame", offsets: "length" };
 
-  // The sketch of `effect@place`; nothing of one that has none.
-  return function sketch(name) {
-    const kind = KINDS[OF[name.split("@")[0]]];
-    if (!kind) return "";
-    const [ink, wrong, dashed, circles, words] = kind;
-    const make = (tag, set) => {
-      const out = document.createElementNS("http://www.w3.org/2000/svg", tag);
-      for (const key in set) out.setAttribute(key, set[key]);
-      return out;
-    };
-    const svg = make("svg", { viewBox: "0 0 96 64", role: "img", "aria-label": words });
-    svg.append(...dashed.map((d) => make("path", { d, class: "dashed" })), ...ink.map((d) => make("path", { d })),
-      ...wrong.map((d) => make("path", { d, class: "wrong" })), ...circles.map(([cx, cy, r]) => make("circle", { cx, cy, r })));
-    const figure = document.createElement("figure"), caption = document.createElement("figcaption");
-    figure.className = "lrm-sketch";
-    caption.textContent = words;
-    figure.append(svg, caption);
-    return figure;
+  // One of them as HTML; nothing of an effect that has none.
+  return function sketch(kind) {
+    if (!KINDS[kind]) return "";
+    const [ink, wrong, dashed, circles, words] = KINDS[kind];
+    const paths = (lines, name) => lines.map((d) => lrmHtml`<path d="${d}" class="${name}"/>`);
+    return lrmHtml`<figure class="lrm-sketch"><svg viewBox="0 0 96 64" role="img" aria-label="${words}">${paths(dashed, "dashed")}${paths(ink, "")}${paths(wrong, "wrong")}
+      ${circles.map(([cx, cy, r]) => lrmHtml`<circle cx="${cx}" cy="${cy}" r="${r}"/>`)}</svg><figcaption>${words}</figcaption></figure>`;
   };
 })();

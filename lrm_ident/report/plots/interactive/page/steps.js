@@ -1,18 +1,59 @@
 // The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: of figures.js.
 "use strict";
 function lrmSteps(page) {
-  const { state, place, element, draw, words } = page;
-  const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most"];
+  const { state, place, fill, draw, words } = page;
+  const { colour, binned, at } = lrmChart;
+  const plural = (count, word) => `${count} ${word}${count > 1 ? "s" : ""}`;
+
+  // The candidate that the verdict names, if it is a cause: what has none has no picture of one.
+  function cause() {
+    const { ranking, facts } = state.values, first = ranking.find((one) => one.verdict !== "no_evidence");
+    return first && !facts.some(([label]) => label === "empirical term") ? first : null;
+  }
+
   // The course of the error in one line; of an earlier step that is shown, where it stands in it.
   function tellFall() {
-    const box = place("fall"), v = state.values, last = v.steps.length - 1;
-    if (!box) return;
+    const v = state.values, last = v.steps.length - 1, first = cause();
     const whole = v.story ? v.story.sentence.replaceAll(/(\d) mm/g, "$1\u00a0mm") : `RMS ${v.steps[last].rms} mm`;
-    const first = v.ranking.find((one) => one.verdict !== "no_evidence");
-    const caused = first && v.story && v.story.held_out && !v.facts.some(([label]) => label === "empirical term");
-    const added = caused ? ` → ${first.held} mm with ${first.title}` : "";
+    const added = first && v.story?.held_out ? ` → ${first.held} mm with ${first.title}` : "";
     const shown = state.step === last ? "" : ` Shown: step ${state.step}, ${v.steps[state.step].title}.`;
-    box.replaceChildren(element("span", whole + added, "lrm-fall-figure"), element("span", shown, "lrm-soft"));
+    fill("fall", lrmHtml`<span class="lrm-fall-figure">${whole + added}</span><span class="lrm-soft">${shown}</span>`);
+  }
+
+  // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
+  function tellVerdict() {
+    const v = state.values, last = v.steps.length - 1, now = state.step === last, own = now ? v.verdict : v.steps[state.step].verdict;
+    fill("next", now ? following(v) : "");
+    fill("sketch", now ? lrmSketch(cause()?.sketch) : "");
+    fillFacts(now ? v.facts : []);
+    const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
+    place("verdict").textContent = now ? own : earlier;
+  }
+
+  // What to do next: in words, and as commands to copy.
+  function following({ next, commands }) {
+    const copied = commands.map(([command, said, then], k) => lrmHtml`<br>${k ? "or: " : ""}<code>${command}</code> – ${said}${then ? lrmHtml` Then: <code>${then}</code>` : ""}`);
+    return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
+  }
+
+  // Labelled facts of the verdict that is shown: how sure it is first, the others folded.
+  function fillFacts(facts) {
+    const first = facts.filter(([, , early]) => early), rest = facts.filter(([, , early]) => !early);
+    const listed = (rows) => rows.length ? lrmHtml`<dl class="facts">${rows.map(([label, said]) => lrmHtml`<dt>${label}</dt><dd>${said}</dd>`)}</dl>` : "";
+    lrmGlossary(fill("facts", lrmHtml`${listed(first)}${rest.length ? lrmHtml`<details><summary>More figures</summary>${listed(rest)}</details>` : ""}`));
+  }
+
+  // ---- cards
+
+  function drawCards() {
+    const box = place("cards"), v = state.values, all = v.together;
+    if (drawCards.of !== v) {
+      fill("cards", lrmHtml`${v.cards.map(article)}${all ? lrmHtml`<p class="lrm-together">All ${all.steps} steps together: ${all.fall} mm${all.held_out ? ", held out" : ""}.</p>` : ""}`);
+    }
+    drawCards.of = v;
+    box.closest("section").hidden = !v.cards.length;
+    v.cards.forEach(drawCard);
+    lrmGlossary(box);
   }
 
   // What a step found; what the data cannot tell it from is named with it.
@@ -20,62 +61,6 @@ function lrmSteps(page) {
     const others = card.equivalent, more = others.length > 2 ? `, or one of ${others.length - 1} more` : "";
     const rivals = others.length ? ` (or ${others.slice(0, others.length > 2 ? 1 : 2).join(", or ")}${more}: these poses cannot distinguish them)` : "";
     return [card.title, card.estimate].filter(Boolean).join(", ") + rivals;
-  }
-
-  // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
-  function tellVerdict() {
-    const box = place("verdict"), v = state.values, last = v.steps.length - 1, next = place("next");
-    if (next) next.replaceChildren(...(state.step === last ? following(v) : []));
-    if (!box) return;
-    const first = v.ranking.find((one) => one.verdict !== "no_evidence"), sketch = place("sketch");
-    const caused = first && !v.facts.some(([label]) => label === "empirical term"); // what has no cause has no picture of one
-    if (sketch) sketch.replaceChildren(...(caused && state.step === last ? [lrmSketch(first.name)] : []));
-    drawFacts(place("facts"), state.step === last ? v.facts : []);
-    const own = state.step === last ? v.verdict : v.steps[state.step].verdict;
-    const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
-    box.textContent = state.step === last ? own : earlier;
-  }
-
-  // What to do next: in words, and as commands to copy.
-  function following({ next, commands }) {
-    const copied = commands.flatMap(([command, words, then], k) => [element("br", ""), k ? "or: " : "", element("code", command), ` – ${words}`,
-      ...(then ? [" Then: ", element("code", then)] : [])]);
-    const said = [next || commands.length ? `Next: ${next}` : "", ...copied];
-    return said.filter(Boolean);
-  }
-
-  // Labelled facts of the verdict that is shown: how sure it is first, the others folded.
-  function drawFacts(box, facts) {
-    if (!box) return;
-    const listed = (rows) => {
-      const list = element("dl", "", "facts");
-      list.append(...rows.flatMap(([label, said]) => [element("dt", label), element("dd", said)]));
-      return rows.length ? [list] : [];
-    };
-    const first = facts.filter(([label]) => FIRST.includes(label)), rest = facts.filter(([label]) => !FIRST.includes(label));
-    const more = element("details", "");
-    more.append(element("summary", "More figures"), ...listed(rest));
-    box.replaceChildren(...listed(first), ...(rest.length ? [more] : []));
-    lrmGlossary(box);
-  }
-
-  // ---- cards
-
-  function drawCards() {
-    const box = place("cards"), v = state.values;
-    if (!box) return;
-    if (drawCards.of !== v) box.replaceChildren(...v.cards.map(article), together());
-    drawCards.of = v;
-    box.closest("section").hidden = !v.cards.length;
-    v.cards.forEach(drawCard);
-    lrmGlossary(box);
-  }
-
-  // The end of the course: what all steps did.
-  function together() {
-    const v = state.values, all = v.together;
-    if (all) return element("p", `All ${all.steps} steps together: ${all.fall} mm${all.held_out ? ", held out" : ""}.`, "lrm-together");
-    return "";
   }
 
   // What is known of other effects where none is listed; else how to learn it.
@@ -87,25 +72,18 @@ function lrmSteps(page) {
   }
 
   function article(card) {
-    const out = element("article", "", "lrm-card-of-step"), fall = `${card.fall} mm`.replaceAll(" ", "\u00a0");
-    const heading = element("h3", `${card.number}. ${named(card)}: ${fall}`);
+    const fall = `${card.fall} mm`.replaceAll(" ", "\u00a0"), one = card.equivalent.length ? "If it is this one: " : "";
     const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
     const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${words(card.ratio)} times as much squared error stays unexplained, so another cause may stand behind it.`;
-    const says = element("div", "", "lrm-card-says");
-    if (card.label) heading.append(" ", element("span", card.label, "lrm-label lrm-shows-" + card.shows));
-    says.append(lrmSketch(card.name));
-    says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.${left}`));
-    if (card.unrivalled) says.append(element("p", "No other effect explained it as well."));
-    if (card.rivals.length) {
-      const list = element("ul");
-      list.append(...card.rivals.map((one) => element("li", `${one.title} (${one.name}): ${one.why}`)));
-      says.append(element("h4", card.equivalent.length ? "What else it could be" : "The other candidates, and why they were not taken"), list);
-    } else if (!card.unrivalled) says.append(element("p", others(card), "lrm-soft"));
-    const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
-    figure.id = "lrm-card-" + card.number;
-    more.append(element("summary", `${card.estimates.length} coefficient${card.estimates.length > 1 ? "s" : ""} of ${card.name}`), element("p", card.estimates.join(", ")));
-    out.append(heading, says, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
-    return out;
+    const rivals = lrmHtml`<h4>${card.equivalent.length ? "What else it could be" : "The other candidates, and why they were not taken"}</h4>
+      <ul>${card.rivals.map((rival) => lrmHtml`<li>${rival.title} (${rival.name}): ${rival.why}</li>`)}</ul>`;
+    return lrmHtml`<article class="lrm-card-of-step"><h3>${card.number}. ${named(card)}: ${fall}${card.label ? lrmHtml` <span class="lrm-label lrm-shows-${card.shows}">${card.label}</span>` : ""}</h3>
+      <div class="lrm-card-says">${lrmSketch(card.sketch)}
+        <p>${card.claim ? `${one}${card.claim}. ` : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.${left}</p>
+        ${card.unrivalled ? lrmHtml`<p>No other effect explained it as well.</p>` : ""}
+        ${card.rivals.length ? rivals : card.unrivalled ? "" : lrmHtml`<p class="lrm-soft">${others(card)}</p>`}</div>
+      <div class="lrm-figure lrm-card-figure" id="lrm-card-${card.number}"></div><p class="lrm-sample lrm-soft"></p>
+      ${card.estimates.length ? lrmHtml`<details class="lrm-soft"><summary>${plural(card.estimates.length, "coefficient")} of ${card.name}</summary><p>${card.estimates.join(", ")}</p></details>` : ""}</article>`;
   }
 
   // The residual against what the effect follows, before and after the step: what it took away is the area between the means.

@@ -5,11 +5,11 @@ function lrmField(page) {
   const { state, scenes, place, words, norm, rowOfPose } = page;
 
   function drawField() {
-    const both = state.beside !== null, scale = place("scale"), v = state.values;
+    const both = state.beside !== null, v = state.values;
     document.documentElement.classList.toggle("lrm-beside", both);
     drawStep("field", both ? Math.min(state.step, state.beside) : state.step, !both); // before left, after right
     if (both) drawStep("field-b", Math.max(state.step, state.beside), true);
-    if (scale) scale.textContent = v.scale.words + (v.solids.shaped ? "" : "; links drawn as tubes: the arm's file has no shapes");
+    place("scale").textContent = v.scale.words + (v.solids.shaped ? "" : "; links drawn as tubes: the arm's file has no shapes");
   }
 
   // The arrows go from those of another step to those of the step shown; at once where motion is not wished.
@@ -31,7 +31,7 @@ function lrmField(page) {
 
   function drawStep(id, number, bar, residual = left(number)) {
     const v = state.values, step = v.steps[number], box = place(id), chosen = page.marked();
-    if (!box || !step) return;
+    if (!step) return;
     const alone = `${step.title}: RMS ${step.rms} mm${step.held ? ` (held out ${step.held})` : " on these data"}`;
     const when = number === Math.max(state.step, state.beside) ? "after" : "before";
     const error = state.beside === null ? alone : `${when}: ${step.held ? `${step.held} mm RMS held out` : `${step.rms} mm RMS`}`;
