@@ -28,10 +28,11 @@ from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
 LISTED, STANDS_FOR, REASONS, REASONS_SHOWN = 4, 2, 3, 2
+VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = ("estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most")
 """Facts that page and report show before the others are unfolded."""
-SHOWN = (*FIRST, "held-out error", "where", "far off", "rows", "valid")
-"""Facts that a terminal shows without `--all`: also the errors, and what may be wrong with the data."""
+FOLDED = ("black-box model", "left out", "in the model")
+"""Facts that a terminal shows with `--all` only."""
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -93,13 +94,13 @@ class Conclusion:
             else:
                 steps.append(f"{lead}{step.words}")
         why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
-        shown = tuple(fact for fact in self.facts if fact[0] in SHOWN)
+        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED)
         return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
 
     @property
     def further(self) -> tuple[tuple[str, str], ...]:
         """The facts that stand in the details."""
-        return tuple(fact for fact in self.facts if fact[0] not in SHOWN)
+        return tuple(fact for fact in self.facts if fact[0] in FOLDED)
 
     def as_json(self) -> dict[str, object]:
         """The table `conclusion`."""
@@ -371,4 +372,6 @@ def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
             f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py"
         ),
     }
-    return NextStep(report.hint, command.get(report.verdict, ""))
+    return NextStep(
+        report.hint, command.get(report.verdict, ""), VERIFY if report.verdict == Verdict.NOTHING_MISSING else ""
+    )
