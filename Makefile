@@ -50,9 +50,13 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --ignore tests/system
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs tests/system
+test: setup ## ruff, mypy and all tests, two at a time: first all that compute, with mypy beside them, then the system's, which wait
+	$(BIN)/ruff check .
+	@mkdir -p $(OUT)
+	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
+	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
@@ -223,6 +227,7 @@ swing: setup ## the simulated rover's arm swings: settling as predicted, moves s
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
 	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.dwell --seeds 3
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2

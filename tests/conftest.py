@@ -31,6 +31,17 @@ settings.register_profile("thorough", _LAWS, max_examples=300, derandomize=False
 settings.load_profile("lrm")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests first in each half of the list, with which two workers begin: no long test comes last.
+
+    A file stays together, since its tests share fixtures.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    files = sorted(dict.fromkeys(item.path for item in items), key=lambda path: path not in slow)
+    place = {path: number for half in (0, 1) for number, path in enumerate(files[half::2], half * len(files))}
+    items.sort(key=lambda item: place[item.path])
+
+
 @pytest.fixture(scope="session")
 def lab() -> Arm:
     """The rig of the real measurements."""

@@ -12,11 +12,13 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.workbench.address import WorkbenchAddress, last_session, new_place
+from lrm_ident.workbench.motion_tab import MotionTab
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.tasks import OpenTask
 from lrm_ident.workbench.work.worker import work_process
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.motion.motion_model import load_motion
 
 
 @command
@@ -28,6 +30,10 @@ def workbench(
     arm: arg.ArmName = None,
     port: Annotated[int | None, Option(min=1, max=65535, help="Port of this machine. Default: a free one.")] = None,
     show_page: Annotated[bool, Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    motion: Annotated[
+        tuple[Path, Path] | None,
+        Option(metavar="MOTION RECORDING", help="A motion model and its recording: what moves show, in a tab beside."),
+    ] = None,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -35,16 +41,21 @@ def workbench(
 
     Without files it opens the shipped data set and shows around. With measurements alone it fits a model first.
     """
+    if motion is not None:
+        load_motion(motion[0])
+        if not motion[1].exists():
+            raise FileError(motion[1], "", "there is no such recording", "a LeRobot dataset, or a log with encoders")
     model, data = _model_and_data(files or [])
     place = new_place(port)
     task = OpenTask(data or EXAMPLE, model, arm, effects_file, reading)
-    _serve(place, task, tour=data is None, show=show_page)
+    _serve(place, task, None if motion is None else MotionTab(*motion), tour=data is None, show=show_page)
 
 
-def _serve(place: WorkbenchAddress, opened: OpenTask, tour: bool, show: bool) -> None:
+def _serve(place: WorkbenchAddress, opened: OpenTask, motion: MotionTab | None, tour: bool, show: bool) -> None:
     """Runs the workbench until it is stopped. Raises `LrmError` if NiceGUI is not installed.
 
     Args:
+        motion: what the page's tab of motion shows.
         tour: whether the first tab begins with the guided tour. show: whether the browser is opened.
     """
     worker = work_process()
@@ -55,7 +66,7 @@ def _serve(place: WorkbenchAddress, opened: OpenTask, tour: bool, show: bool) ->
     try:
         from lrm_ident.workbench.application import run_application
 
-        run_application(place, session, tour, show)
+        run_application(place, session, motion, tour, show)
     except ModuleNotFoundError as error:
         raise LrmError(
             f"the workbench needs '{error.name}', which is not installed: pip install 'lrm-arm[page]'"

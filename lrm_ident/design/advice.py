@@ -152,8 +152,8 @@ def next_poses(
             continue
         if best is None or _least(found.pairs) > _least(best[1].pairs):
             best = candidates, found
-        if found.told:
-            break
+        if all(pair.told or pair.cosine > EQUIVALENCE_COSINE for pair in found.pairs):
+            break  # other poses hardly change how alike two motions are
     if best is not None:
         return best[0], tried(problem, best[1])
     if not isinstance(refused[0], Indistinguishable):

@@ -9,7 +9,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
-from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
+from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL
 from lrm_ident.design.expected_lead import NEEDED, TRIALS, CausePair
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
@@ -22,7 +22,6 @@ from lrm_ident.report.document import Block, Document, ResultTable, heading, sec
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 
 WORST_SHOWN = 8
@@ -184,14 +183,6 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
             f"Cosine between the motions of {one} and {other}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
-    for k, effect in enumerate(task.rivals):
-        earlier = "" if was is None else f"; now {_least(effect, was, k)}"
-        yield (
-            f"{plain_name(apart.rivals[k].name)} is distinguished from everything else in "
-            f"{in_percent(TARGET_POWER)} % of cases {_least(effect, apart, k)} "
-            f"(with random poses {_least(effect, random, k)}{earlier}); "
-            f"{_errors(apart.rivals[k])}."
-        )
 
 
 def _leads(found: PoseDesign) -> Iterator[str]:
@@ -225,7 +216,10 @@ def _holds(found: PoseDesign) -> Iterator[str]:
 
 
 def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTable]:
-    """The least size at which each rival is distinguished from everything else: of its first parameter."""
+    """The least size at which each rival is distinguished from all else, and its standard error with these poses.
+
+    Both of its first parameter.
+    """
     known = {name: one.discrimination for name, one in _known(found).items() if one.discrimination is not None}
     if not known:
         return
@@ -237,24 +231,11 @@ def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTab
             "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
             for size in sizes
         ]
-        rows.append((effect.name, *shown))
+        error = dict(known["with these"].rivals[k].standard_errors).get(parameter.name)
+        rows.append((effect.name, *shown, "" if error is None else f"± {with_unit(error, None, parameter.unit)}"))
     power = in_percent(TARGET_POWER)
-    columns = ("effect", *(f"{name}|" for name in known))
+    columns = ("effect", *(f"{name}|" for name in known), "standard error|")
     yield ResultTable(columns, rows, f"Smallest size that is distinguished from all else, in {power} % of cases")
-
-
-def _least(effect: Effect, apart: Discrimination, k: int) -> str:
-    least = apart.rivals[k].detectable_size
-    if least is None:
-        return "never"
-    sizes = [f"{p.name} = {least * p.typical / p.si:.2g}" for p in effect.parameters if p.fixed is None]
-    return f"from {' and '.join(sizes)} on"
-
-
-def _errors(rival: Rival) -> str:
-    if not rival.standard_errors:
-        return "it cannot be told"
-    return "expected standard errors " + ", ".join(f"{name} ± {error:.2g}" for name, error in rival.standard_errors)
 
 
 def _knowledge(found: PoseDesign, known: ExpectedAccuracy) -> dict[str, object]:

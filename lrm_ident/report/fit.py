@@ -181,7 +181,7 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
         *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
         _factor_table(found.factors[:FACTORS_SHOWN]),
-        *_diagnose_next(files),
+        *diagnose_next(files),
     ]
     details: list[Block] = [
         *black_box,
@@ -214,7 +214,7 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     return Document(blocks, "lrm/comparison/1", values, details=details, about=about)
 
 
-def _diagnose_next(files: Sequence[str]) -> list[Block]:
+def diagnose_next(files: Sequence[str]) -> list[Block]:
     """The command that names what is missing, where the files are known."""
     if not files:
         return []

@@ -149,16 +149,6 @@ class ModelReport:
     judged: Mapping[int, EarlierDiagnosis] | None = None
 
     @property
-    def history(self) -> ResultTable:
-        """Every step with its errors."""
-        return history_table(self.file)
-
-    @property
-    def provenance(self) -> ResultTable:
-        """Provenance of the model."""
-        return provenance_table(self.file)
-
-    @property
     def verdict(self) -> str:
         """The diagnosis's verdict in words; nothing as long as there is none."""
         return "" if self.conclusion is None else self.conclusion.headline
@@ -222,7 +212,8 @@ class ModelReport:
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
         parts = [part for part in (self.diagnosis, self.comparison) if part is not None]
-        blocks = [*(block for part in parts for block in part.whole), self.history, self.parameters, self.provenance]
+        tables = history_table(self.file), self.parameters, provenance_table(self.file)
+        blocks = [*(block for part in parts for block in part.whole), *tables]
         values = {
             "comparison": None if self.comparison is None else self.comparison.values,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.values,

@@ -15,6 +15,7 @@ from starlette.datastructures import UploadFile
 
 from lrm_ident.workbench.address import HOST, WorkbenchAddress
 from lrm_ident.workbench.gate import Gate
+from lrm_ident.workbench.motion_tab import MotionTab
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.layout import FILES, WorkbenchPage
 from lrm_ident.workbench.work.session_files import keep_dropped, task_for
@@ -26,10 +27,12 @@ RECONNECT_S = 30.0
 """s for which a tab's connection may stall before it reloads: a slow machine can be busy for a while."""
 
 
-def run_application(place: WorkbenchAddress, session: WorkbenchSession, tour: bool, show: bool) -> None:
+def run_application(
+    place: WorkbenchAddress, session: WorkbenchSession, motion: MotionTab | None, tour: bool, show: bool
+) -> None:
     """Serves the page until it is stopped; for the arguments see the command."""
-    _add_page(session, tour)
-    _add_routes(session)
+    _add_page(session, tour, motion is not None)
+    _add_routes(session, motion)
     app.add_middleware(Gate, port=place.port, token=place.token)
     _when_started(place, session, show)
     ui.run(
@@ -46,7 +49,7 @@ def run_application(place: WorkbenchAddress, session: WorkbenchSession, tour: bo
     )
 
 
-def _add_page(session: WorkbenchSession, tour: bool) -> None:
+def _add_page(session: WorkbenchSession, tour: bool, motion: bool) -> None:
     """The page; the first tab of all begins with the tour."""
     tabs: set[str] = set()
     shown_around: list[bool] = []
@@ -56,7 +59,7 @@ def _add_page(session: WorkbenchSession, tour: bool) -> None:
         """One tab."""
         client = ui.context.client
         client.on_disconnect(lambda: tabs.discard(client.id))
-        WorkbenchPage(session, first_tab=not tabs, tour=tour and not shown_around)
+        WorkbenchPage(session, first_tab=not tabs, tour=tour and not shown_around, motion=motion)
         tabs.add(client.id)
         shown_around.append(True)
 
@@ -81,7 +84,7 @@ def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool
     app.on_startup(lambda: running.extend(map(asyncio.create_task, (ticking(), announcing()))))
 
 
-def _add_routes(session: WorkbenchSession) -> None:
+def _add_routes(session: WorkbenchSession, tab: MotionTab | None) -> None:
     """Static files; what the page fetches, 404 where there is none yet; dropped files."""
     for folder, files in FILES.items():
         for file in files:
@@ -106,6 +109,14 @@ def _add_routes(session: WorkbenchSession) -> None:
 
         return _text(html_report(session.step.report) if session.step else None, "text/html")
 
+    def motion() -> Response:
+        """The page of motion, in a thread of its own, since it fits; 400 with the reason if it cannot be made."""
+        missing = "no motion model is open; give lrm-ident workbench --motion MOTION RECORDING"
+        try:
+            return _text(tab.page if tab else None, "text/html", missing=missing)
+        except LrmError as error:
+            return PlainTextResponse(str(error), status_code=400)
+
     async def drop(request: Request) -> Response:
         """Opens dropped files; 400 with the reason if they cannot be opened."""
         files = [file for file in (await request.form()).getlist("files") if isinstance(file, UploadFile)]
@@ -117,7 +128,7 @@ def _add_routes(session: WorkbenchSession) -> None:
             return JSONResponse({"error": str(error)}, status_code=400)
         return JSONResponse({"opened": sorted(contents)})
 
-    for answer in (values, model, poses, report):
+    for answer in (values, model, poses, report, motion):
         app.add_api_route(f"/lrm/{answer.__name__}", answer, methods=["GET"], response_model=None)
     app.add_api_route("/lrm/drop", drop, methods=["POST"], response_model=None)
 

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from lrm_ident.report.document import Document, Facts, blocks_html, table_html
-from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.model_report import ModelReport, history_table, provenance_table
 from lrm_ident.report.plots.interactive.assets import BELOW, BESIDE, LIBRARY, PROLOGUE, SCRIPTS, STYLE, TOLD
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.workbench.work.tasks import section_html
@@ -129,8 +129,8 @@ def numbers_html(found: ModelReport) -> str:
     sections = {
         "Details of the diagnosis": blocks_html(found.diagnosis.whole if found.diagnosis else ()),
         "Details of the comparison": blocks_html(found.comparison.whole if found.comparison else ()),
-        "Steps": table_html(found.history),
+        "Steps": table_html(history_table(found.file)),
         "Parameters": table_html(found.parameters),
-        "Where the model comes from": table_html(found.provenance),
+        "Where the model comes from": table_html(provenance_table(found.file)),
     }
     return "".join(section_html(title, text) for title, text in sections.items())

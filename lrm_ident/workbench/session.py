@@ -32,22 +32,22 @@ class WorkbenchSession(state.SessionState):
     def add(self, effect: str) -> None:
         """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
         step = self._steady()
-        self._begin(tasks.AddTask(step.files, effect, self.new_file(), step.packed), waits=True)
+        self._begin(tasks.AddTask(step.files, step.packed, self.new_file(), effect), waits=True)
 
     def add_field(self) -> None:
         """Adds what no name explains, where the model predicts better with it; no diagnosis is needed for that."""
         step = self._steady()
-        self._begin(tasks.AddTask(step.files, tasks.FIELD, self.new_file(), step.packed))
+        self._begin(tasks.AddTask(step.files, step.packed, self.new_file(), tasks.FIELD))
 
     def auto(self) -> None:
         """Follows the advice until it says stop."""
         step = self._steady()
-        self._begin(tasks.AutoTask(step.files, self.folder, self.taken.count, step.packed))
+        self._begin(tasks.AutoTask(step.files, step.packed, self.folder, self.taken.count))
 
     def propose(self) -> None:
         """Looks for a law."""
         step = self._steady()
-        self._begin(tasks.ProposeTask(step.files, self.folder / f"law-{len(self.taken.done)}.py"))
+        self._begin(tasks.ProposeTask(step.files, step.packed, self.folder / f"law-{len(self.taken.done)}.py"))
 
     def next_poses(self) -> None:
         """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
@@ -64,7 +64,7 @@ class WorkbenchSession(state.SessionState):
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
         files = replace(step.files, effects_file=self.taken.law.file)
-        self._begin(tasks.AddTask(files, self.taken.law.name, self.new_file(), step.packed))
+        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.law.name))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""

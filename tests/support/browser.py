@@ -26,6 +26,10 @@ PATIENCE_MS, POLLING_MS = 120_000, 100
 """How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
 SHOTS = ROOT / "out" / "workbench"
 AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
+with_axe = pytest.mark.skipif(
+    not AXE.is_file(),
+    reason="no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js",
+)
 
 
 @dataclass
@@ -147,9 +151,7 @@ def wait_for(page: Any, condition: str) -> None:
 
 
 def axe_violations(page: Any) -> list[tuple[str, list[str]]]:
-    """The rules of axe-core that a page breaks, each with where; the test is skipped, and says so, without axe-core."""
-    if not AXE.is_file():
-        pytest.skip("no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js")
+    """The rules of axe-core that a page breaks, each with where; for tests that are marked `with_axe`."""
     page.evaluate(AXE.read_text(encoding="utf-8"))
     faults = page.evaluate("axe.run().then((result) => result.violations)")
     return [(fault["id"], [node["html"][:120] for node in fault["nodes"]][:3]) for fault in faults]

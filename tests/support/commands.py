@@ -1,4 +1,4 @@
-"""`lrm-ident` run in this process: no second spent on starting Python and importing scipy and matplotlib."""
+"""`lrm-ident` run in this process, its parallel work too: no second spent on starting Python and importing scipy."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import contextlib
 import io
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest import mock
 
 from lrm_ident.cli.app import main
+from lrm_ident.fitting import executors
 from tests.conftest import EXAMPLE
 
 
@@ -18,6 +20,7 @@ def run_command(*words: object, program: Callable[[], None] = main) -> tuple[int
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     with (
         mock.patch.object(sys, "argv", ["lrm-ident", *map(str, words)]),
+        mock.patch.object(executors, "ProcessPoolExecutor", _one_thread),
         contextlib.redirect_stdout(stdout),
         contextlib.redirect_stderr(stderr),
     ):
@@ -26,6 +29,11 @@ def run_command(*words: object, program: Callable[[], None] = main) -> tuple[int
         except SystemExit as end:
             code = int(end.code or 0)
     return code, stdout.getvalue(), stderr.getvalue()
+
+
+def _one_thread(*_: object, **__: object) -> ThreadPoolExecutor:
+    """In the place of processes, which import everything anew (tests/ident/fitting/test_executors.py starts them)."""
+    return ThreadPoolExecutor(1)
 
 
 def part_of_example(folder: Path, poses: int) -> Path:

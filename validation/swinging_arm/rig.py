@@ -175,6 +175,9 @@ class SwingingRover:
         """See `CampaignArm`."""
         return ""
 
+    def cool(self, rest: PlannedPose) -> None:
+        """See `CampaignArm`."""
+
     def change_payload(self, payload: float) -> None:
         """See `CampaignArm`."""
 

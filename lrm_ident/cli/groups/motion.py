@@ -21,7 +21,6 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.campaign.plan import load_plan
 from lrm_ident.measuring.motion.motion_files import MotionSource, open_motion, write_motion
-from lrm_ident.measuring.motion.motion_page import motion_page
 from lrm_ident.measuring.motion.motion_picture import draw_motion
 from lrm_ident.measuring.motion.motion_report import (
     auto_document,
@@ -36,6 +35,7 @@ from lrm_ident.measuring.recordings.readers import FORMATS
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.effects import listed
 from lrm_ident.report.plain_names import WORDS
+from lrm_ident.workbench.motion_page import motion_page
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
 from lrm_math.model.reading import AS_NAMED
@@ -217,14 +217,9 @@ def report(
     source: MotionSource,
     output: Annotated[Path, Option("-o", "--output", metavar="HTML", help="Where to write the page.")],
 ) -> None:
-    """Write errors, effects, verdicts and a picture as one HTML page that needs no network."""
+    """Write errors, effects, verdicts and every move as one HTML page that needs no network."""
     with _opened(model, source) as (_, study):
-        documents = [
-            auto_document(study, study.judged(), str(model)),
-            comparison_document(study),
-            motion_document(study, "Errors of the model"),
-        ]
-        page = motion_page(MotionStudy.of(study.moves).fit(), study, documents)
+        page = motion_page(MotionStudy.of(study.moves).fit(), study, str(model))
     write_text(output, page)
     show(f"Page written to {output}")
 

@@ -92,12 +92,11 @@ def _isaac_text(found: Mapping[str, JointDynamics]) -> str:
 
     The damping is that of the drive, so no viscous friction is left. Dry friction has one value, at rest and in motion.
     """
-    fields = {
-        "stiffness": lambda one: one.stiffness, "damping": lambda one: one.damping,
-        "armature": lambda one: one.armature, "friction": lambda one: one.friction,
-        "dynamic_friction": lambda one: one.friction, "viscous_friction": lambda _: 0.0,
-    }  # fmt: skip
-    tables = {field: {name: float(of(one)) for name, one in found.items()} for field, of in fields.items()}
+    same = {field: field for field in ("stiffness", "damping", "armature", "friction")} | {
+        "dynamic_friction": "friction"
+    }
+    tables = {field: {name: float(getattr(one, own)) for name, one in found.items()} for field, own in same.items()}
+    tables["viscous_friction"] = dict.fromkeys(found, 0.0)
     return json.dumps({"joint_names_expr": [*found], **tables}, indent=1) + "\n"
 
 

@@ -27,7 +27,11 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-LISTED, STANDS_FOR, REASONS = 4, 2, 3
+LISTED, STANDS_FOR, REASONS, REASONS_SHOWN = 4, 2, 3, 2
+FIRST = ("estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most")
+"""Facts that page and report show before the others are unfolded."""
+SHOWN = (*FIRST, "held-out error", "where", "far off", "rows", "valid")
+"""Facts that a terminal shows without `--all`: also the errors, and what may be wrong with the data."""
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -88,8 +92,14 @@ class Conclusion:
                 steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
-        why = section("What these poses lack", self.reasons)
-        return [heading(self.headline), Facts(self.facts), *why, *(steps if self.next else ())]
+        why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
+        shown = tuple(fact for fact in self.facts if fact[0] in SHOWN)
+        return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
+
+    @property
+    def further(self) -> tuple[tuple[str, str], ...]:
+        """The facts that stand in the details."""
+        return tuple(fact for fact in self.facts if fact[0] not in SHOWN)
 
     def as_json(self) -> dict[str, object]:
         """The table `conclusion`."""

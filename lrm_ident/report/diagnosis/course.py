@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -19,8 +18,8 @@ from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to_estimat
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
-from lrm_ident.report.document import Block, CommandLine, Document, Facts, ResultTable, heading
-from lrm_ident.report.fit import error_blocks, parameter_table
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
+from lrm_ident.report.fit import diagnose_next, error_blocks, parameter_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
@@ -87,14 +86,13 @@ def step_document(
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     earlier = error_blocks(before, f"Before: {free} parameters")
     table = error_blocks(after, f"With {_said(step, effect)}: {now} parameters")
-    following: list[Block] = ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}")] if files else []
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
     verdict = verdict_on(effect, step, before, after, known)
     values |= {"verdict": verdict or None}
     told = [Facts((("verdict", verdict),))] if verdict else []
-    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *following]
+    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *diagnose_next(files)]
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
 
@@ -256,7 +254,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
 def _chosen(nested: NestedResidual) -> str:
     """Number of folds in which each effect was chosen: what few choose is unstable."""
     if nested.error is None:
-        return f"the choice of effects (nested): {nested.reason}"
+        return f"whether other poses would lead to the same effects (nested): {nested.reason}"
     often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     more = f"; {once} {'more ' if often else ''}in one each" if once else ""

@@ -33,6 +33,7 @@ STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of 
 BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 HARDLY_SHOWS = "its typical size would hardly show in what is left now"
+BLACK_BOX = "black-box model"
 MORAN = "spatial autocorrelation (Moran's I)"
 ABOUT = "every candidate, its reason, and what these poses cannot show"
 
@@ -43,7 +44,7 @@ def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FI
     said = concluded.blocks()
     counts = attribution_of(report) in (Support.FINDING, Support.POSSIBLE_CAUSE)
     blocks = [*said, *(_candidates(report, room_below(said)) if counts else ())]
-    details = [*_candidates(report, RANKED), *_details(report)]
+    details = [*_candidates(report, RANKED), *_details(report, concluded)]
     return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=details, about=ABOUT)
 
 
@@ -129,7 +130,7 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
     return "explains part of it" if share > PART else "explains little"
 
 
-def _details(report: DiagnosisReport) -> list[Block]:
+def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
     """Evidence behind the conclusion, for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.patterns)
@@ -137,10 +138,11 @@ def _details(report: DiagnosisReport) -> list[Block]:
         f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
         Facts(
             (
+                *(fact for fact in concluded.further if fact[0] != BLACK_BOX),
                 ("fit error", f"{in_mm(report.fitted.rms)} mm RMS"),
                 ("noise", noise),
                 ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),
-                ("black-box model", report.patterns.predictable.sentence),
+                (BLACK_BOX, report.patterns.predictable.sentence),
             )
         ),
         *section(_concentrated(found), (one.sentence for one in report.patterns.regimes)),

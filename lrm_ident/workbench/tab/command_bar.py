@@ -55,16 +55,19 @@ class CommandBar:
 
     def build_menu(self) -> None:
         """The commands that change the model, and those that look for what is missing."""
-        session, button = self.session, self.button
-        self.auto = button("Auto", session.auto, "add effects as advised until none is left")
-        self.diagnose = button("Diagnose again", session.diagnose, "find out which effect is missing")
-        self.poses = button("Next poses", session.next_poses, "what to measure next, to distinguish the candidates")
-        self.propose = button("Propose a formula", session.propose, "where no known effect explains the error (P)")
-        self.field = button(
-            ADD_FIELD, session.add_field, "predict the remaining error without a name, where that surely helps"
-        )
-        self.undo = button("Undo", session.undo, "take the last step back (U)")
-        self.redo = button("Redo", session.redo, "take it again (R)")
+        session = self.session
+        self.menu = {
+            text: self.button(text, action, hint)
+            for text, action, hint in (
+                ("Auto", session.auto, "add effects as advised until none is left"),
+                ("Diagnose again", session.diagnose, HINTS["diagnose"]),
+                ("Next poses", session.next_poses, HINTS["next poses"]),
+                ("Propose a formula", session.propose, "where no known effect explains the error (P)"),
+                (ADD_FIELD, session.add_field, "predict the remaining error without a name, where that surely helps"),
+                ("Undo", session.undo, "take the last step back (U)"),
+                ("Redo", session.redo, "take it again (R)"),
+            )
+        }
 
     def build_advice(self) -> None:
         """The button that is advised; it keeps its place whatever the verdict above the panels says."""
@@ -78,7 +81,6 @@ class CommandBar:
         with ui.element("div").classes("lrm-do"):
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as self.work:
-                ui.spinner(size="18px")
                 self.what = ui.label()
                 bar = ui.linear_progress(0.0, show_value=False).classes("lrm-bar-of-work")
                 self.bar = bar.props('instant-feedback aria-label="progress"')
@@ -111,13 +113,10 @@ class CommandBar:
         self.primary.props(f'data-name="{self.first}" title="{HINTS[self.first]}"')
         self.name.set_text(chosen.name if chosen else "")
         self.primary.set_enabled(session.can_diagnose if self.first == "diagnose" else ready)
-        self.undo.set_enabled(session.can_undo)
-        self.redo.set_enabled(session.can_redo)
-        self.propose.set_enabled(ready)
-        self.poses.set_enabled(ready and diagnosed)
-        self.auto.set_enabled(ready)
-        self.field.set_enabled(ready)
-        self.diagnose.set_enabled(session.can_diagnose)
+        able = {"Undo": session.can_undo, "Redo": session.can_redo, "Diagnose again": session.can_diagnose}
+        able["Next poses"] = ready and diagnosed
+        for text, button in self.menu.items():
+            button.set_enabled(able.get(text, ready))
 
     def _words(self, now: WorkProgress) -> str:
         """The running task, how far it is, and how long the rest takes at this rate."""

@@ -50,8 +50,8 @@ window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""
 class WorkbenchPage:
     """One tab. `chosen`: the candidate chosen in it; `seen`, `drawn`: the versions of the session that it shows."""
 
-    def __init__(self, session: WorkbenchSession, first_tab: bool, tour: bool) -> None:
-        """Makes the elements, within the page."""
+    def __init__(self, session: WorkbenchSession, first_tab: bool, tour: bool, motion: bool) -> None:
+        """Makes the elements, within the page; `motion`: there is a tab of motion to open."""
         self.session = session
         self.chosen: ChosenEffect | None = None
         self.seen = self.drawn = -1
@@ -60,7 +60,7 @@ class WorkbenchPage:
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
         self.bar = CommandBar(session, self._button, self._add, self._save)
-        self._build_header()
+        self._build_header(motion)
         self.notice = FileNotice(session, self._button)
         ui.html(BANNER, sanitize=False).classes("lrm-full")
         with ui.element("div").classes("lrm-hero"):
@@ -79,11 +79,14 @@ class WorkbenchPage:
         if tour:
             self.tour.go_to(0)
 
-    def _build_header(self) -> None:
+    def _build_header(self, motion: bool) -> None:
         with ui.element("header").classes("lrm-head"):
             ui.html('<h1 class="lrm-title">lrm-ident workbench</h1>', sanitize=False)
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
+            if motion:
+                open_motion = "window.open('/lrm/motion')"
+                self._button("Motion", lambda: ui.run_javascript(open_motion), "what moves show, in a tab beside")
             self.bar.build_advice()
             with ui.element("details").classes("lrm-menu").props('id="lrm-menu"'):
                 with ui.element("summary"):

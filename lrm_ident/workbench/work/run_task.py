@@ -119,7 +119,7 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
         errors.append(in_mm(error_stats(step.held_out).rms))
         coming.clear()
         if step.added:
-            kept = task.folder / tasks.kept_name(next(numbers))
+            kept = task.kept / tasks.kept_name(next(numbers))
             study.save(kept)
             packed = _send_step(replace(task.files, model=kept), send, packed)
 

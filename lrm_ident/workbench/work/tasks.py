@@ -131,67 +131,42 @@ class OpenTask:
 
 
 @dataclass(frozen=True)
-class CompareTask:
+class StepTask:
+    """Work on a step. `packed`: what is known of it; `kept`: file of what is made, or the folder of several."""
+
+    files: OpenFiles
+    packed: bytes = b""
+    kept: Path = Path()
+
+
+class CompareTask(StepTask):
     """A first comparison of a step, for instance after the measurements have grown. Gives one step."""
 
-    files: OpenFiles
+
+class DiagnoseTask(StepTask):
+    """`compare` and `diagnose` of a step. Gives it with the comparison, then with the diagnosis too."""
 
 
 @dataclass(frozen=True)
-class DiagnoseTask:
-    """`compare` and `diagnose` of a step. Gives it with the comparison, then with the diagnosis too.
+class AddTask(StepTask):
+    """`add`: an effect at a place. Gives one step."""
 
-    `packed`: what is known of it.
-    """
-
-    files: OpenFiles
-    packed: bytes
+    effect: str = FIELD
 
 
 @dataclass(frozen=True)
-class AddTask:
-    """`add`: an effect at a place; the new model is kept as `kept`. Gives one step.
+class AutoTask(StepTask):
+    """`auto`: follows the advice until it says stop. Gives every step as it is taken; files numbered from `number`."""
 
-    `packed`: what is known of the step before.
-    """
-
-    files: OpenFiles
-    effect: str
-    kept: Path
-    packed: bytes
+    number: int = 0
 
 
-@dataclass(frozen=True)
-class AutoTask:
-    """`auto`: follows the advice until it says stop. Gives every step as it is taken.
-
-    The models are kept in `folder`, numbered from `number`. `packed`: what is known of the step before.
-    """
-
-    files: OpenFiles
-    folder: Path
-    number: int
-    packed: bytes
+class ProposeTask(StepTask):
+    """`propose`: a law where no known effect fits. Gives one law, or that there is none."""
 
 
-@dataclass(frozen=True)
-class ProposeTask:
-    """`propose`: a law where no known effect fits; its file is kept as `kept`. Gives one law, or that there is none."""
-
-    files: OpenFiles
-    kept: Path
-
-
-@dataclass(frozen=True)
-class PosesTask:
-    """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not.
-
-    `packed`: what is known of the step, with its diagnosis; `kept`: file of the poses.
-    """
-
-    files: OpenFiles
-    packed: bytes
-    kept: Path
+class PosesTask(StepTask):
+    """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not."""
 
 
 WorkMessage = WorkProgress | WorkNotice | StepResult | LawResult | PosesResult | WorkDone | WorkFailure

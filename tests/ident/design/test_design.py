@@ -212,7 +212,7 @@ def test_rivals_that_nothing_can_tell_apart(lab: Arm) -> None:
     with pytest.raises(LrmError, match="fitted already"):
         design(task(lab, ("compliance@joint2",)), offered(lab))
     with pytest.raises(LrmError, match="cannot show"):
-        design(task(lab, ("drift@joint2",)), offered(lab))
+        design(task(lab, ("session@joint2",)), offered(lab))
     with pytest.raises(LrmError, match=r"ask for at least 11 \(-n\)"):
         design(task(lab, RIVALS, count=10), offered(lab))
 

@@ -51,4 +51,6 @@ def test_an_exchange_among_nearly_dependent_columns_ends(seed: int, log_apart: f
 @pytest.mark.parametrize("parameters", ["compliance.*", "offsets.joint?.theta_rad"])
 def test_few_poses_for_a_rival_on_a_small_arm(parameters: str) -> None:
     few = ["--levels", 5, "-n", 6, "--repeats", 0, "--separate", "hysteresis@joint1", "--parameters", parameters]
-    assert "hysteresis of joint 1 is distinguished" in stdout_of("design", "two-joint", *few, "--all")
+    said = stdout_of("design", "two-joint", *few, "--all")
+    (row,) = (line for line in said.splitlines() if line.startswith("hysteresis@joint1"))
+    assert "±" in row or "never" in row

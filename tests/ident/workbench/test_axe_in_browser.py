@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, RunningWorkbench, axe_violations, idle, opened, press, says, wait_for
+from tests.support.browser import SHOTS, RunningWorkbench, axe_violations, idle, opened, press, says, wait_for, with_axe
 
 SIZE, WIDTHS = {"width": 1280, "height": 900}, (390, 1440)
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -32,6 +32,7 @@ def faults(page: Any, name: str, turn: Callable[[], object]) -> list[tuple[objec
     return found
 
 
+@with_axe
 @pytest.mark.slow
 def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) -> None:
     page = opened(browser, small, SIZE)
@@ -71,6 +72,7 @@ def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) 
     assert not found, "\n".join(map(str, found))
 
 
+@with_axe
 @pytest.mark.slow
 def test_axe_finds_nothing_in_a_report_with_everything_unfolded(browser: Any, small: RunningWorkbench) -> None:
     page = opened(browser, small, SIZE)

@@ -29,7 +29,7 @@ def test_undo_and_redo_are_each_others_inverse(deeds: list[str]) -> None:
         assert last is not None
         if deed == "add":
             new = step(number, last.shown.model)
-            taken = with_step(taken, AddTask(last.files, "x", new.files.model, b""), new)
+            taken = with_step(taken, AddTask(last.files, b"", new.files.model, "x"), new)
             models, undone = [*models, [*models[-1], str(number)]], []
         elif deed == "undo" and last.shown.before is not None:
             undone.append(models.pop())
@@ -44,7 +44,7 @@ def test_undo_and_redo_are_each_others_inverse(deeds: list[str]) -> None:
 def test_auto_is_one_command_however_its_files_are_called() -> None:
     taken = with_step(TakenSteps(), OpenTask(DATA, None), step(0, None))
     assert taken.last is not None
-    task = AutoTask(taken.last.files, Path(), 7, b"")
+    task = AutoTask(taken.last.files, b"", Path(), 7)
     for number in (1, 2, 3):
         new = step(number, str(number - 1))
         named = replace(new, files=replace(new.files, model=Path(f"{'abc'[number - 1]}.toml")))

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
+from lrm_ident.fitting.cross_validation import MOST_REFITTED
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
     SHOTS,
@@ -21,6 +22,7 @@ from tests.support.browser import (
     press,
     says,
     wait_for,
+    with_axe,
     workbench,
 )
 from tests.support.commands import part_of_example, stdout_of
@@ -223,7 +225,7 @@ def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path
     With files in the working folder: commands on the page name files as they were given, and long paths wrap.
     """
     monkeypatch.chdir(tmp_path)
-    data = part_of_example(tmp_path, 200).relative_to(tmp_path)
+    data = part_of_example(tmp_path, MOST_REFITTED + 1).relative_to(tmp_path)  # of more no fold is fitted anew
     study = lrm.Study.of(lrm.load(data)).fit()
     for effect in TEN:
         study = study.add(effect)
@@ -313,6 +315,7 @@ def test_a_report_remembers_its_theme(browser: Any, tmp_path: Path) -> None:
     page.context.close()
 
 
+@with_axe
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:

@@ -15,7 +15,9 @@ def main() -> int:
     parser = argparse.ArgumentParser("tests.soak.hostile", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="for all attacks together, without their starts")
     parser.add_argument("--only", default="", metavar="WORD", help="only attacks with this word in their name")
-    parser.add_argument("--shaping", default="off", choices=["off", "zv", "zvd", "zvdd", "timed"], help="of the daemon's moves")
+    parser.add_argument(
+        "--shaping", default="off", choices=["off", "zv", "zvd", "zvdd", "timed"], help="of the daemon's moves"
+    )
     options = parser.parse_args()
     chosen = [name for name in ALL if options.only in name]
     print(HEAD, flush=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -101,15 +102,32 @@ class Stranger:
         near = some[(spare > 5e-3) & (spare < 15e-3)]
         bodies = rigid_bodies(self.scene)
         q = next(q for q in near if check_path(bodies, np.array([home, q]), self.scene.margin)[0].free)
-        self.take()  # only now: on a busy machine the search outlasts a lease
-        moved = self.ask("rpc/move", lease=self.lease, waypoints=[self.named(home), self.named(q)])
-        assert moved is not None, "the arm goes home and near the obstacle"
+        with self.renewed():  # on a busy machine the reply to a move, which predicts its swing, outlasts a lease
+            moved = self.ask("rpc/move", lease=self.lease, waypoints=[self.named(home), self.named(q)])
+            assert moved is not None, "the arm goes home and near the obstacle"
 
-        def arrived() -> bool:
-            self.take()
-            return float(np.abs(self.commanded() - q).max()) < 1e-4
+            def arrived() -> bool:
+                return float(np.abs(self.commanded() - q).max()) < 1e-4
 
-        wait_for(arrived, "the arm is near the obstacle", seconds=60.0, pause=0.1)
+            wait_for(arrived, "the arm is near the obstacle", seconds=60.0, pause=0.1)
+
+    @contextmanager
+    def renewed(self) -> Iterator[None]:
+        """Takes the lease, and renews it meanwhile."""
+        over = threading.Event()
+
+        def renew() -> None:
+            while not over.wait(0.1):
+                self.take()
+
+        self.take()
+        thread = threading.Thread(target=renew)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
 
 
 @contextmanager

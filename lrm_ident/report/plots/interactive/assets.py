@@ -43,3 +43,4 @@ NAMES = (
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""
 SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("charts/chart", "charts/fleet"))
+SCRIPTS_OF_MOTION = tuple(FOLDER / f"{name}.js" for name in ("charts/chart", "charts/motion"))

@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, NextStep
+from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES, NextStep
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
@@ -42,6 +42,7 @@ STANDINGS = {
 def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     known = {} if found.diagnosis is None else found.diagnosis.values
+    commands = _commands(found)
     return {
         **_poses(found.field, found.poses),
         **_arms(found.field),
@@ -49,7 +50,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
         ],
         "verdict": found.verdict,
-        "facts": [[label, words] for label, words in found.facts],
+        "facts": [[label, words, label in FIRST] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
         "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
@@ -60,8 +61,8 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
-        "next": _next(found, str(known.get("next_poses_hint", ""))),
-        "commands": [[one.command, one.words, one.then] for one in _commands(found)],
+        "next": "" if commands else known.get("next_poses_hint", ""),
+        "commands": [[one.command, one.words, one.then] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -143,11 +144,6 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
         "here": of_data(entry, found.poses.sha256),
         "rms": step.error.rms * 1e3,
     }
-
-
-def _next(found: ModelReport, hint: str) -> str:
-    """What to do next; nothing where commands and their words state it."""
-    return "" if _commands(found) else hint
 
 
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:

@@ -67,13 +67,13 @@ function lrmCandidates(page) {
     const list = fill("ranking", lrmHtml`${v.ranking.map((one, number) => lrmHtml`<button type="button" class="lrm-candidate lrm-${one.standing}" role="radio" aria-checked="${number === chosen}"
         tabindex="${number === Math.max(chosen, 0) ? 0 : -1}" data-name="${one.name}" title="${one.mark}"><span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span>
         <span class="lrm-mark">${one.mark.split(" ")[0]}</span><span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></button>`)}`);
-    list.onclick = (event) => { const button = event.target.closest("button"); if (button) choose(button.dataset.name); };
+    const chooseAndFocus = (name) => { choose(name); list.querySelector('[aria-checked="true"]').focus({ preventScroll: true }); };
+    list.onclick = (event) => { const button = event.target.closest("button"); if (button) chooseAndFocus(button.dataset.name); };
     list.onkeydown = (event) => {
       const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
       if (!step) return;
       event.preventDefault();
-      choose(v.ranking[Math.min(Math.max(chosen + step, 0), v.ranking.length - 1)].name);
-      list.querySelector('[aria-checked="true"]').focus();
+      chooseAndFocus(v.ranking[Math.min(Math.max(chosen + step, 0), v.ranking.length - 1)].name);
     };
   }
 

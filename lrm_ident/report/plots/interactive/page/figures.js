@@ -12,10 +12,12 @@ function lrmShared() {
   const norm = (v) => Math.hypot(v[0], v[1], v[2]);
   const rowOfPose = () => Math.max(state.values.pose.indexOf(state.pose), 0);
 
-  // Fills an element with HTML.
+  // Fills an element with HTML; one that shows it already is left alone, with what a person has unfolded in it.
+  const filled = new WeakMap();
   function fill(id, content) {
-    const box = place(id);
-    box.innerHTML = content;
+    const box = place(id), html = String(content);
+    if (filled.get(box) !== html) box.innerHTML = html;
+    filled.set(box, html);
     return box;
   }
 

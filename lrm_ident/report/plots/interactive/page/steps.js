@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, fill, draw, words } = page;
-  const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most"];
+  const { colour, binned, at } = lrmChart;
   const plural = (count, word) => `${count} ${word}${count > 1 ? "s" : ""}`;
 
   // The candidate that the verdict names, if it is a cause: what has none has no picture of one.
@@ -38,7 +38,7 @@ function lrmSteps(page) {
 
   // Labelled facts of the verdict that is shown: how sure it is first, the others folded.
   function fillFacts(facts) {
-    const first = facts.filter(([label]) => FIRST.includes(label)), rest = facts.filter(([label]) => !FIRST.includes(label));
+    const first = facts.filter(([, , early]) => early), rest = facts.filter(([, , early]) => !early);
     const listed = (rows) => rows.length ? lrmHtml`<dl class="facts">${rows.map(([label, said]) => lrmHtml`<dt>${label}</dt><dd>${said}</dd>`)}</dl>` : "";
     lrmGlossary(fill("facts", lrmHtml`${listed(first)}${rest.length ? lrmHtml`<details><summary>More figures</summary>${listed(rest)}</details>` : ""}`));
   }

@@ -1,7 +1,7 @@
 // Strokes and marks on a canvas, in px.
 "use strict";
 const lrmPen = (() => {
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  const { colour } = lrmChart;
 
   function stroke(pen, points, ink, width, dash) {
     pen.strokeStyle = ink;

@@ -1,0 +1,138 @@
+"""The page of a motion model on a recording: what was missing, the error step by step, and every move before and after.
+
+`lrm-ident motion report` writes it as one file; the workbench opens it as a tab.
+"""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from lrm_ident.data.wording import joint_labels
+from lrm_ident.measuring.motion.motion_picture import AXES, READ
+from lrm_ident.measuring.motion.motion_report import auto_document, comparison_document, in_unit, motion_document
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.report.diagnosis.conclusion import Conclusion
+from lrm_ident.report.document import blocks_html
+from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_MOTION
+from lrm_ident.report.plots.interactive.values import values_text
+from lrm_ident.workbench.html_report import standalone_page
+
+MOST_MOVES, DIGITS = 8, 3
+"""Moves that the page shows, those with the largest error before; decimals of their angles."""
+BODY = """<header>
+<h1>{title}</h1>
+<p class="verdict">{verdict}</p>
+<div class="lrm-controls screen-only"><button type="button" id="lrm-theme">Light or dark</button></div>
+</header>
+<main>
+<section>
+<h2>Error of held-out moves, step by step</h2>
+<div id="lrm-steps" class="lrm-figure" style="height: {steps_px}px"></div>
+</section>
+<section>
+<h2>Before and after</h2>
+<div class="lrm-controls screen-only"><label>what <select id="lrm-what"></select></label>
+<label>move <select id="lrm-move"></select></label></div>
+<p class="lrm-soft" id="lrm-errors"></p>
+<div id="lrm-path" class="lrm-figure medium"></div>
+<div id="lrm-left" class="lrm-figure" style="height: 260px"></div>
+</section>
+<section>
+<h2>In words and numbers</h2>
+<div class="lrm-numbers">
+{blocks}
+</div>
+</section>
+</main>
+"""
+START = """
+document.getElementById("lrm-theme").onclick = () => lrmMotion.theme(lrmTheme());
+lrmTheme.follow(lrmMotion.theme);
+"""
+
+
+def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
+    """The page's text; `before`: the servos' response alone on the same moves; `model`: its file, for commands."""
+    document = auto_document(after, after.judged(), model)
+    documents = (document, comparison_document(after), motion_document(after, "Errors of the model"))
+    blocks = "\n".join(blocks_html(one.whole) for one in documents)
+    concluded, title = document.values["conclusion"], f"Motion: {after.moves.name}, {after.moves.arm.name}"
+    assert isinstance(concluded, Conclusion)
+    steps_px = 90 + 30 * len(after.history)
+    body = BODY.format(title=escape(title), verdict=escape(concluded.headline), blocks=blocks, steps_px=steps_px)
+    values = values_text(motion_figures(before, after))
+    return standalone_page(title, body, values, document, SCRIPTS_OF_MOTION, START, "lrmMotion.show(lrmValues);")
+
+
+def motion_figures(before: MotionStudy, after: MotionStudy) -> dict[str, Any]:
+    """Steps with their held-out errors, and of every joint (or axis of the tip) the moves, in deg or mm."""
+    moves = after.moves
+    squares = np.stack([np.nanmean(fit.residual**2, axis=(1, 2)) for fit in before.told_apart]).sum(axis=0)
+    shown = sorted(np.argsort(-squares)[:MOST_MOVES].tolist())
+    labels = joint_labels(moves.arm) if moves.unit == "deg" else ["tip"]
+    rows = [
+        _what(before, after, joint, axis, label if moves.unit == "deg" else f"tip along {AXES[axis]}", shown)
+        for joint, label in enumerate(labels)
+        for axis in range(after.told_apart[joint].residual.shape[2])
+    ]
+    worst = max(range(len(rows)), key=lambda k: rows[k]["before"])
+    return {
+        "unit": moves.unit,
+        "read": READ[moves.unit],
+        "steps": [
+            {"name": _step(name), "error": round(error * moves.scale, DIGITS), "words": in_unit(error, moves)}
+            for name, error in after.history
+        ],
+        "noise": round(float(np.sqrt(np.mean(moves.noise**2))) * moves.scale, DIGITS),
+        "what": rows,
+        "first": worst,
+    }
+
+
+def _what(
+    before: MotionStudy, after: MotionStudy, joint: int, axis: int, label: str, shown: list[int]
+) -> dict[str, Any]:
+    moves, scale = after.moves, after.moves.scale
+    entries: list[dict[str, Any]] = []
+    for move in shown:
+        count = moves.counted[move]
+        told, read = (x[move, :, axis][count] for x in moves.told_and_read(joint))
+        own = before.moves.told_and_read(joint)[1][move, :, axis][count]
+        left = [study.told_apart[joint].residual[move, :, axis][count] for study in (before, after)]
+        entries.append(
+            {
+                "name": f"{move + 1}",
+                "dt": round(moves.dt, 6),
+                "start": round(float(np.argmax(count)) * moves.dt, 4),
+                "told": _rounded(told * scale),
+                "read": _rounded(read * scale),
+                "before": _rounded((own - left[0]) * scale),
+                "after": _rounded((read - left[1]) * scale),
+                "left": [_rounded(one * scale) for one in left],
+            }
+        )
+    errors = [
+        float(np.sqrt(np.nanmean(study.told_apart[joint].residual[:, :, axis] ** 2))) for study in (before, after)
+    ]
+    worst = int(np.argmax([np.nanmean(np.square([v or 0.0 for v in one["left"][0]])) for one in entries]))
+    return {
+        "label": label,
+        "words": [in_unit(error, moves) for error in errors],
+        "before": errors[0] * scale,
+        "moves": entries,
+        "first": worst,
+    }
+
+
+def _step(name: str) -> str:
+    """A step of the history in plain words: `fit`, `add EFFECT@JOINT` or `drop EFFECT@JOINT`."""
+    what, _, effect = name.partition(" ")
+    return {"add": plain_name(effect), "drop": f"without {plain_name(effect)}"}[what] if effect else "servo response"
+
+
+def _rounded(values: Any) -> list[float | None]:
+    return [round(v, DIGITS) if np.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]

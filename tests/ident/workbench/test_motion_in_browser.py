@@ -1,0 +1,56 @@
+"""The page of motion: its numbers are the study's, its charts are drawn, and axe-core finds nothing in either theme."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.workbench.motion_page import motion_figures, motion_page
+from tests.ident.motion.arm_in_motion import JOINT
+from tests.ident.motion.test_motion_study import study
+from tests.ident.workbench.test_axe_in_browser import faults
+
+
+@cache
+def both() -> tuple[MotionStudy, MotionStudy]:
+    """A model without and with the friction that hides."""
+    before = study("friction")
+    return before, before.add("coulomb_friction@joint2")
+
+
+def test_a_prediction_and_what_it_leaves_add_up_to_the_reading() -> None:
+    before, after = both()
+    found = motion_figures(before, after)
+    assert [one["name"] for one in found["steps"]] == ["servo response", "Coulomb friction of joint 2"]
+    assert [one["error"] for one in found["steps"]] == pytest.approx(
+        np.degrees([before.held_out_rms, after.held_out_rms]), abs=6e-4
+    )
+    assert found["first"] == JOINT
+    what = found["what"][JOINT]
+    assert len(what["moves"]) == 8
+    for move in what["moves"]:
+        for name, left in zip(("before", "after"), move["left"], strict=True):
+            total = np.array(move[name]) + np.array(left)
+            np.testing.assert_allclose(total, move["read"], atol=2.1e-3)
+
+
+@pytest.mark.slow
+def test_its_charts_are_drawn_and_axe_finds_nothing(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "motion.html"
+    path.write_text(motion_page(*both(), "better.toml"), encoding="utf-8")
+    page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
+    page.goto(path.as_uri())
+    page.wait_for_selector("#lrm-left .js-plotly-plot, #lrm-left.js-plotly-plot")
+    assert page.locator("#lrm-steps .bars .point").count() == 2
+    said = page.locator("#lrm-errors").inner_text()
+    page.select_option("#lrm-what", index=0)
+    assert page.locator("#lrm-errors").inner_text() != said
+    page.select_option("#lrm-what", index=JOINT)
+    found = faults(page, "motion", lambda: page.click("#lrm-theme"))
+    page.context.close()
+    assert not found, "\n".join(map(str, found))
