@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from itertools import count
 from pathlib import Path
@@ -20,7 +21,7 @@ from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
-from lrmd.sim.control_socket import ControlError, query_board
+from lrmd.sim.control_socket import ControlError, control_path, query_board
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view
 
@@ -32,6 +33,9 @@ DRAWN = CameraRig(model_of(ARM, ()), CAMERA, board_mount(ARM))
 """The arm as drawn, the board on it, and where the camera stands."""
 NEAR = np.radians(12.0)
 """rad: a short move, which friction remembers."""
+
+LATE_S = 20.0
+"""A board that has not answered for so long is gone."""
 
 
 def jpeg(tool: Array, number: int) -> bytes:
@@ -52,8 +56,17 @@ def poses_for_photos(count: int, seed: int) -> Array:
 
 
 def server(link: Path, port: int) -> HTTPServer:
-    """Serves photos of the arm at a device; it shuts down when that is gone."""
+    """Serves photos of the arm at a device; it shuts down when that is gone, not when a busy computer is late."""
     numbers = count()
+
+    def tool() -> Array:
+        end = time.monotonic() + LATE_S
+        while True:
+            try:
+                return np.array(query_board(link, "tool")["tool"])
+            except ControlError:
+                if time.monotonic() > end or not control_path(link).exists():
+                    raise
 
     class Answer(BaseHTTPRequestHandler):
         """Answers with a photo."""
@@ -61,12 +74,12 @@ def server(link: Path, port: int) -> HTTPServer:
         def do_GET(self) -> None:
             """A photo of now."""
             try:
-                tool = np.array(query_board(link, "tool")["tool"])
+                seen = tool()
             except ControlError:
                 threading.Thread(target=serving.shutdown).start()
                 self.send_error(503)
                 return
-            content = jpeg(tool, next(numbers))
+            content = jpeg(seen, next(numbers))
             self.send_response(200)
             self.send_header("Content-Type", "image/jpeg")
             self.send_header("Content-Length", str(len(content)))

@@ -28,6 +28,8 @@ from lrmd.ramp.shared_memory import IMPULSES
 from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
+PHASES = (1 / 6, 1 / 2, 5 / 6)
+"""Of the board's frames, for which the settling of a timed move is predicted."""
 
 
 @dataclass(frozen=True)
@@ -64,17 +66,30 @@ class MotionPredictor:
         if leg.pace is not Pace.TOGETHER:
             return leg
         path, tick = self._path(leg.move(start)), self._config.tick / SECOND
-        frame = COUNTS_PER_PERIOD * self._config.clock.count_s
-        return replace(leg, waits=waits_of(self._carrying(load_at), path, tick, frame, payload))
+        return replace(leg, waits=waits_of(self._carrying(load_at), path, tick, self._frame, payload))
 
     def settle_s(self, final_leg: FinalLeg) -> float:
         """Time (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
 
-        The command is the board's: pulses rounded to its counts, tick by tick.
+        The command is the board's: pulses rounded to its counts, tick by tick. What a timed move leaves depends on the
+        phase of the board's frames, which is not known: the longest of several counts.
         """
-        path = self._path(final_leg.move)
+        path, model = self._path(final_leg.move), self._carrying(final_leg.load_at)
         within, tick = self._config.motion.within_mm * 1e-3, self._config.tick / SECOND
-        return settling_after(self._carrying(final_leg.load_at), path[0], path, tick, within, final_leg.payload).seconds
+        shown = [self._shown(path, phase) for phase in PHASES] if final_leg.move.waits else [path]
+        return max(settling_after(model, path[0], one, tick, within, final_leg.payload).seconds for one in shown)
+
+    def _shown(self, path: Array, phase: float) -> Array:
+        """A path (M + 1, n), tick by tick, as servos see it: in frames that begin at a phase (share of a frame)."""
+        frame = self._frame / (self._config.tick / SECOND)
+        ticks = np.arange(len(path) + int(np.ceil(frame)))
+        began = np.floor((np.floor(ticks / frame - phase) + phase) * frame).astype(int)
+        return np.asarray(path[np.clip(began, 0, len(path) - 1)])
+
+    @property
+    def _frame(self) -> float:
+        """s between two pulses of the board."""
+        return COUNTS_PER_PERIOD * self._config.clock.count_s
 
     def _path(self, move: Move) -> Array:
         """(M + 1, n), angles (rad) that the board puts out after each tick of a move."""

@@ -159,7 +159,7 @@ def test_the_base_runs_the_daemon_and_says_what_the_offline_tool_needs(wheel: Pa
 
 def test_the_extra_runs_the_offline_tool(wheel: Path, tmp_path: Path) -> None:
     programs = installed(tmp_path / "ident", wheel, "ident")
-    data = part_of_example(tmp_path, 100)
+    data = part_of_example(tmp_path)
     fitted = run(programs / "lrm-ident", "fit", data, "-o", tmp_path / "model.toml", cwd=tmp_path)
     assert fitted.returncode == 0, fitted.stderr
     assert (tmp_path / "model.toml").exists()

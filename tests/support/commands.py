@@ -12,7 +12,11 @@ from unittest import mock
 
 from lrm_ident.cli.app import main
 from lrm_ident.fitting import executors
+from lrm_ident.fitting.cross_validation import MOST_REFITTED
 from tests.conftest import EXAMPLE
+
+FEW = MOST_REFITTED + 1
+"""Poses that take a command least time: of fewer it fits every fold anew."""
 
 
 def run_command(*words: object, program: Callable[[], None] = main) -> tuple[int, str, str]:
@@ -36,8 +40,8 @@ def _one_thread(*_: object, **__: object) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1)
 
 
-def part_of_example(folder: Path, poses: int) -> Path:
-    """The first poses of the shipped data set, as a file: enough for a command that is slow on all of them."""
+def part_of_example(folder: Path, poses: int = FEW) -> Path:
+    """The first poses of the shipped data set, as a file."""
     path = folder / "part.csv"
     path.write_text("\n".join(EXAMPLE.read_text().splitlines()[: poses + 1]) + "\n")
     path.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())

@@ -107,9 +107,8 @@ def _draw_form(
     if second is not None:
         colours: Any = {"c": second.shown[order], "cmap": "viridis"}
         points = axes.scatter(x, around[order], s=10, label="poses: the effect and the residual", **colours)
-        axes.scatter(
-            x, form[order], s=26, marker="D", facecolors="none", edgecolors=points.to_rgba(second.shown[order])
-        )
+        edges: Any = points.to_rgba(second.shown[order])
+        axes.scatter(x, form[order], s=26, marker="D", facecolors="none", edgecolors=edges)
         axes.figure.colorbar(points, ax=axes, label=second.label)
     else:
         axes.scatter(x, around[order], s=10, color=NOMINAL, label="poses: the effect and the residual")

@@ -56,9 +56,9 @@ def test_the_method(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the first 80 poses of the example as DATA.csv, and its arm as a URDF."""
+    """With a part of the example as DATA.csv, and its arm as a URDF."""
     monkeypatch.chdir(tmp_path)
-    part_of_example(tmp_path, 80).rename("DATA.csv")
+    part_of_example(tmp_path).rename("DATA.csv")
     Path("part.toml").rename("DATA.toml")
     Path("robot.urdf").write_text(ElementTree.tostring(bare_urdf(load_arm("lrm-lab")).tree, encoding="unicode"))
     printed = typed(ROOT / "README.md")

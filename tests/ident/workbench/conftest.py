@@ -24,5 +24,5 @@ def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ru
     """A workbench on a third of the shipped data set, for what does not depend on the number of poses."""
     assert browser
     folder = tmp_path_factory.mktemp("small")
-    with workbench(part_of_example(folder, 100), cwd=folder) as found:
+    with workbench(part_of_example(folder), cwd=folder) as found:
         yield found

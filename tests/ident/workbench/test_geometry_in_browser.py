@@ -30,7 +30,7 @@ PLACES = """(() => {
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report of a model with four effects."""
     folder = tmp_path_factory.mktemp("report")
-    data = part_of_example(folder, 100)
+    data = part_of_example(folder)
     study = lrm.Study.of(lrm.load(data)).fit()
     for effect in EFFECTS:
         study = study.add(effect)

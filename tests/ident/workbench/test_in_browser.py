@@ -135,7 +135,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
 @pytest.mark.slow
 def test_same_numbers_everywhere(browser: Any, tmp_path: Path) -> None:
     """Numbers of the first fit: the page, the report, the JSON files and the printed tables."""
-    data = part_of_example(tmp_path, 100)
+    data = part_of_example(tmp_path)
     with workbench(data, cwd=tmp_path) as running:
         page = opened(browser, running, SMALL_SIZE)
         wait_for(page, RANKED)
@@ -244,7 +244,7 @@ def test_a_growing_file_is_followed_and_a_stopped_server_is_told(browser: Any, t
     growing = tmp_path / "growing.csv"
     growing.write_text("".join(lines[:41]))
     growing.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
-    with workbench(part_of_example(tmp_path, 100), cwd=tmp_path) as stopped:
+    with workbench(part_of_example(tmp_path), cwd=tmp_path) as stopped:
         page = opened(browser, stopped, SMALL_SIZE)
         press(page, "live…")
         page.get_by_label("Follow the file").fill(str(growing))

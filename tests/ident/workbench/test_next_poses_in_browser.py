@@ -47,7 +47,7 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
 @pytest.mark.slow
 def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: Any, tmp_path: Path) -> None:
     """A model file that was broken from outside."""
-    data = part_of_example(tmp_path, 100)
+    data = part_of_example(tmp_path)
     with workbench(data, cwd=tmp_path) as running:
         page = opened(browser, running, SIZE)
         idle(page, RANKED)

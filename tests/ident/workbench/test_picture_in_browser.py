@@ -14,7 +14,7 @@ from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows_to_draw
 from tests.conftest import EXAMPLE
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for, workbench
-from tests.support.commands import stdout_of
+from tests.support.commands import FEW, stdout_of
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -108,7 +108,7 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
         assert page.evaluate(SEEN) == [row for row, value in enumerate(every) if low <= value <= high]
     page.screenshot(path=SHOTS / "filtered.png")
     page.select_option("#lrm-filter", "")
-    assert len(page.evaluate(SEEN)) == 100
+    assert len(page.evaluate(SEEN)) == FEW
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     page.context.close()
     assert not seen.errors, seen.errors

@@ -81,7 +81,7 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
 
 @pytest.mark.slow
 def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSession, tmp_path: Path) -> None:
-    session.open(OpenTask(part_of_example(tmp_path, 100), None))
+    session.open(OpenTask(part_of_example(tmp_path), None))
     until(session, lambda: isinstance(session.worker.task, DiagnoseTask))
     session.auto()
     session.cancel()
@@ -97,7 +97,7 @@ def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSessio
 
 @pytest.mark.slow
 def test_a_bad_file_is_told_of_and_the_work_goes_on(session: WorkbenchSession, tmp_path: Path) -> None:
-    session.open(OpenTask(part_of_example(tmp_path, 100), None))
+    session.open(OpenTask(part_of_example(tmp_path), None))
     until(session, lambda: len(session.taken.steps) == 1)
     bad = tmp_path / "bad.csv"
     bad.write_text("pose,q1_deg\n1,nonsense\n")

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
-from lrm_ident.fitting.cross_validation import MOST_REFITTED
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
     SHOTS,
@@ -25,7 +24,7 @@ from tests.support.browser import (
     with_axe,
     workbench,
 )
-from tests.support.commands import part_of_example, stdout_of
+from tests.support.commands import FEW, part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
 STORED_MS = 1000  # the browser stores what a page says in another process
@@ -171,7 +170,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     two = "".join(EXAMPLE.read_text().splitlines(keepends=True)[:3])
     page.evaluate("(text) => lrmOpen([new File([text], 'two.csv')])", two)
     says(page, "#lrm-failure", "2 poses for")
-    assert page.evaluate(f"{TWO_STEPS} && lrm.state.values.poses === 100")
+    assert page.evaluate(f"{TWO_STEPS} && lrm.state.values.poses === {FEW}")
     page.context.close()
     assert [one for one in seen.errors if "400" not in one] == []
 
@@ -179,7 +178,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
 @pytest.mark.slow
 def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
     """Charts are as wide as the page and no part lies over another; the cards come first."""
-    data = part_of_example(tmp_path, 100)
+    data = part_of_example(tmp_path)
     stdout_of("fit", data, "-o", tmp_path / "m.toml")
     stdout_of("add", tmp_path / "m.toml", data, "backlash@joint2", "-o", tmp_path / "n.toml")
     stdout_of("report", tmp_path / "n.toml", data, "-o", tmp_path / "r.html")
@@ -225,10 +224,11 @@ def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path
     With files in the working folder: commands on the page name files as they were given, and long paths wrap.
     """
     monkeypatch.chdir(tmp_path)
-    data = part_of_example(tmp_path, MOST_REFITTED + 1).relative_to(tmp_path)  # of more no fold is fitted anew
+    data = part_of_example(tmp_path).relative_to(tmp_path)
     study = lrm.Study.of(lrm.load(data)).fit()
+    screened = study.screen()  # for all steps: a screening before each is half of the time
     for effect in TEN:
-        study = study.add(effect)
+        study = study.add(effect, screened)
     study.save(Path("m.toml"))
     stdout_of("report", "m.toml", data, "-o", "r.html")
     page = browser.new_context(viewport=SIZE).new_page()
@@ -250,7 +250,7 @@ def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path
 
 @pytest.mark.slow
 def test_a_session_outlasts_its_server(browser: Any, tmp_path: Path) -> None:
-    data = part_of_example(tmp_path, 100)
+    data = part_of_example(tmp_path)
     with workbench(data, cwd=tmp_path) as first:
         assert first.folder.is_relative_to(tmp_path / "state")
         page = opened(browser, first, SIZE)
@@ -334,7 +334,7 @@ def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -
 @pytest.mark.slow
 def test_a_study_draws_itself_in_a_notebook(browser: Any, tmp_path: Path) -> None:
     """In a frame, as Jupyter and marimo put it into their pages."""
-    study = lrm.Study.of(lrm.load(part_of_example(tmp_path, 100))).fit()
+    study = lrm.Study.of(lrm.load(part_of_example(tmp_path))).fit()
     page = browser.new_page(viewport=SIZE, color_scheme="null")  # the frame's colours are those of the notebook
     page.set_content(f"<!doctype html><body data-jp-theme-light=false>{study.view()._repr_html_()}")
     inside = page.frame_locator("iframe")
