@@ -254,7 +254,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
 def _chosen(nested: NestedResidual) -> str:
     """Number of folds in which each effect was chosen: what few choose is unstable."""
     if nested.error is None:
-        return f"whether other poses would lead to the same effects (nested): {nested.reason}"
+        return f"the choice of effects (nested): {nested.reason}"
     often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     more = f"; {once} {'more ' if often else ''}in one each" if once else ""
