@@ -18,7 +18,6 @@ from lrm_ident.workbench.work.tasks import OpenTask
 from lrm_ident.workbench.work.worker import work_process
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import AS_NAMED, Reading
-from lrm_math.motion.motion_model import load_motion
 
 
 @command
@@ -42,6 +41,8 @@ def workbench(
     Without files it opens the shipped data set and shows around. With measurements alone it fits a model first.
     """
     if motion is not None:
+        from lrm_math.motion.motion_model import load_motion  # here, since the page would wait for all that it needs
+
         load_motion(motion[0])
         if not motion[1].exists():
             raise FileError(motion[1], "", "there is no such recording", "a LeRobot dataset, or a log with encoders")

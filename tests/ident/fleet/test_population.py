@@ -151,7 +151,7 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
                 trials=1,
                 shapes=((),),
                 priority=2,
-                effect=SimpleNamespace(place="joint1", is_free_form=False, part=ModelPart.ARM),
+                effect=SimpleNamespace(place="joint1", is_free_form=False, variant_of=(), part=ModelPart.ARM),
                 name=name,
             ),
         )
