@@ -39,7 +39,7 @@ BLUE = """(() => {
   for (let i = 0; i < data.length; i += 4) blue += data[i + 2] > data[i] + 40 && data[i + 3] === 255;
   return [blue / ratio ** 2, Math.max(...areas), areas.reduce((a, b) => a + b)];
 })()"""
-"""Pixels of the model's colour without any arrow, and the areas of the links on the screen: the largest, and their sum."""
+"""Pixels of the model's colour without any arrow, and the areas of the links: the largest, and their sum."""
 BEFORE_AND_BEHIND = """(() => {
   const at = Object.assign((p) => [p[0], p[1], p[2]], { scale: 1 }), put = [];
   const pen = document.createElement("canvas").getContext("2d");
