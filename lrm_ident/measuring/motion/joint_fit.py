@@ -119,8 +119,9 @@ def _lower(effects: Sequence[MotionEffect], data: JointMoves) -> Array:
 def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
     """(p, p), covariance of least squares with derivatives (N, p) and residuals (N,) that are alike within a move.
 
-    Moves follow one another by `count` (S,). As wide as normal 95 % intervals need to be for so few moves: the factor
-    is Student's, and the usual G (N − 1) / ((G − 1) (N − p)) (Cameron & Miller 2015). Not below that of white noise.
+    Moves follow one another by `count` (S,). A move that pulls the fit towards itself has a small residual, so each
+    counts as it would be predicted without it (CR3, Bell & McCaffrey 2002; Cameron & Miller 2015), with the factor
+    (G − 1) / G, and Student's for so few moves. Not below that of white noise.
     """
     N, p = J.shape
     own = count[count > 0]
@@ -128,9 +129,12 @@ def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
     white = float(residual @ residual) / max(N - p, 1) * inverse
     if len(own) < LEAST_CLUSTERS or not p:
         return np.asarray(white)
-    scores = np.add.reduceat(J * residual[:, None], np.concatenate([[0], np.cumsum(own)[:-1]]), axis=0)
+    begins = np.concatenate([[0], np.cumsum(own)[:-1]])
+    scores = np.add.reduceat(J * residual[:, None], begins, axis=0)
+    shares = np.add.reduceat(J[:, :, None] * J[:, None], begins, axis=0) @ inverse
+    scores = (np.linalg.pinv(np.eye(p) - shares, rcond=1e-6) @ scores[:, :, None])[:, :, 0]
     G = len(own)
-    few = G * (N - 1) / ((G - 1) * max(N - p, 1)) * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
+    few = (G - 1) / G * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
     found = few * inverse @ (scores.T @ scores) @ inverse
     wider = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(found), 1e-300), 1.0))
     return np.asarray(found * np.outer(wider, wider))

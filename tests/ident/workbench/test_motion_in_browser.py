@@ -14,6 +14,7 @@ from lrm_ident.workbench.motion_page import motion_figures, motion_page
 from tests.ident.motion.arm_in_motion import JOINT
 from tests.ident.motion.test_motion_study import study
 from tests.ident.workbench.test_axe_in_browser import faults
+from tests.support.browser import with_axe
 
 
 @cache
@@ -39,18 +40,29 @@ def test_a_prediction_and_what_it_leaves_add_up_to_the_reading() -> None:
             np.testing.assert_allclose(total, move["read"], atol=2.1e-3)
 
 
-@pytest.mark.slow
-def test_its_charts_are_drawn_and_axe_finds_nothing(browser: Any, tmp_path: Path) -> None:
+def opened_page(browser: Any, tmp_path: Path) -> Any:
+    """The page in the browser, its charts drawn."""
     path = tmp_path / "motion.html"
     path.write_text(motion_page(*both(), "better.toml"), encoding="utf-8")
     page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
     page.goto(path.as_uri())
-    page.wait_for_selector("#lrm-left .js-plotly-plot, #lrm-left.js-plotly-plot")
+    page.wait_for_selector("#lrm-left.js-plotly-plot")
+    return page
+
+
+def test_its_charts_are_drawn_and_follow_what_is_chosen(browser: Any, tmp_path: Path) -> None:
+    page = opened_page(browser, tmp_path)
     assert page.locator("#lrm-steps .bars .point").count() == 2
     said = page.locator("#lrm-errors").inner_text()
     page.select_option("#lrm-what", index=0)
     assert page.locator("#lrm-errors").inner_text() != said
-    page.select_option("#lrm-what", index=JOINT)
+    page.context.close()
+
+
+@with_axe
+@pytest.mark.slow
+def test_axe_finds_nothing_in_it(browser: Any, tmp_path: Path) -> None:
+    page = opened_page(browser, tmp_path)
     found = faults(page, "motion", lambda: page.click("#lrm-theme"))
     page.context.close()
     assert not found, "\n".join(map(str, found))
