@@ -26,10 +26,9 @@ PATIENCE_MS, POLLING_MS = 120_000, 100
 """How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
 SHOTS = ROOT / "out" / "workbench"
 AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
-with_axe = pytest.mark.skipif(
-    not AXE.is_file(),
-    reason="no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js",
-)
+NO_AXE = "no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js"
+with_axe = pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
+"""For tests of nothing but axe-core: without it no page is opened."""
 
 
 @dataclass
@@ -151,7 +150,9 @@ def wait_for(page: Any, condition: str) -> None:
 
 
 def axe_violations(page: Any) -> list[tuple[str, list[str]]]:
-    """The rules of axe-core that a page breaks, each with where; for tests that are marked `with_axe`."""
+    """The rules of axe-core that a page breaks, each with where; the test is skipped, and says so, without axe-core."""
+    if not AXE.is_file():
+        pytest.skip(NO_AXE)
     page.evaluate(AXE.read_text(encoding="utf-8"))
     faults = page.evaluate("axe.run().then((result) => result.violations)")
     return [(fault["id"], [node["html"][:120] for node in fault["nodes"]][:3]) for fault in faults]
