@@ -23,7 +23,7 @@ Patch = pytest.MonkeyPatch
 
 def scored(name: str, alone: float = 1.0) -> Any:
     """A candidate that alone leaves so much of the mean square."""
-    effect = SimpleNamespace(is_free_form=False, depends_on=("q",), name=name)
+    effect = SimpleNamespace(is_free_form=False, variant_of=(), depends_on=("q",), name=name)
     candidate = SimpleNamespace(effect=effect, priority="")
     return SimpleNamespace(
         name=name, implausible=None, candidate=candidate, alone=SimpleNamespace(held_out=np.full(POSES, alone))
