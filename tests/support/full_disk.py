@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.daemon.daemon_process import wait_for
+
 
 @contextmanager
 def full_disk(folder: Path, size: int = 8192, room: int = 0) -> Iterator[Callable[[], None]]:
@@ -44,7 +46,8 @@ def read_only(folder: Path) -> Iterator[None]:
     if subprocess.run(["mount", "--bind", str(folder), str(folder)], capture_output=True).returncode:
         pytest.skip("mounting is not allowed here")
     try:
-        subprocess.run(["mount", "-o", "remount,ro,bind", str(folder)], check=True)
+        remount = ["mount", "-o", "remount,ro,bind", str(folder)]
+        wait_for(lambda: not subprocess.run(remount, capture_output=True).returncode, "no file in it is being written")
         yield
     finally:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)

@@ -14,7 +14,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from lrmd.client import FkRequest, IkRequest
+from lrmd.client import FkRequest, IkRequest, MotionInterrupted
 from lrmd.messages.kinematics import GoalEntry
 from tests.support.daemon.daemon_harness import arm_when_ready
 from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
@@ -73,7 +73,15 @@ def errors_mm(folder: Path, goals: Array, loads: Array, waits: Sequence[float], 
 def test_goals_are_hit_with_the_memory_and_missed_without(tmp_path: Path) -> None:
     """The model without a memory has the mean of both regions."""
     (goals, loads), waits = reached(GOALS, 1), np.random.default_rng(2).uniform(0.0, WAIT_S, GOALS)
-    known, forgotten = (
-        errors_mm(tmp_path / str(remembers), goals, loads, waits, remembers=remembers) for remembers in (True, False)
-    )
+
+    def errors(remembers: bool, tries: int = 3) -> list[float]:
+        folder = tmp_path / f"{remembers}-{tries}"
+        try:
+            return errors_mm(folder, goals, loads, waits, remembers=remembers)
+        except MotionInterrupted as error:  # floods of other tests may keep the client from renewing its lease
+            if tries == 1 or "lease lost" not in str(error):
+                raise
+        return errors(remembers, tries - 1)
+
+    known, forgotten = errors(True), errors(False)
     assert np.sqrt(np.mean(np.square(known)[LATER])) < 0.6 * np.sqrt(np.mean(np.square(forgotten)[LATER]))
