@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
@@ -28,12 +29,14 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.later_poses import forecasts_alike, later_squares, tells_of_later
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
     MAX_WALD_P,
     MIN_GAIN,
     ONE_DEVIATION,
+    Z_THRESHOLD,
 )
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, ModelPart
@@ -209,8 +212,13 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
         return _Trial(None, objection)
     explains_all = not _leaves_more_than_noise(diagnosis, fitted)
     of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
-    worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
-    return _Trial(refit) if worse is None else _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
+    if of_tracker:
+        return _Trial(refit)
+    if worse := _worse_as_deployed(effect, refit, blocks):
+        return _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
+    if later := _not_better_later(effect, diagnosis.fit, fitted, data):
+        return _Trial(None, Reason(ReasonKind.NOT_BETTER_LATER, later))
+    return _Trial(refit)
 
 
 def _bends_what_it_measures(effect: Effect) -> bool:
@@ -236,6 +244,21 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= allowed:
         return None
     return error_stats(before).rms, error_stats(after).rms
+
+
+def _not_better_later(effect: Effect, before: Fit, after: Fit, data: Measurements) -> tuple[float, float] | None:
+    """RMS (m) of later poses predicted from those before them, without and with an effect of a session whose forecasts
+    are not surely better; None where they are, or cannot judge it.
+
+    Whether a state outlasts its session only later poses can tell. Other effects, and a change after the last forecast
+    began, are judged by the cross-validation alone.
+    """
+    if not of_a_session(effect) or effect.part is ModelPart.MEASUREMENT or not tells_of_later(data):
+        return None
+    without, with_it = later_squares(before, data), later_squares(after, data)
+    if forecasts_alike(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:
+        return None
+    return float(np.sqrt(without.mean())), float(np.sqrt(with_it.mean()))
 
 
 def objection_to_estimates(
