@@ -117,7 +117,7 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
 
     Each kernel is estimated from at most `SEARCH_ROWS` of the training poses, evenly spread over the order of
     measurement. Every search begins anew: the kernel of another block has seen the poses that this one leaves out, and
-    lowers their error where nothing is hidden (26 of 40 level arms had a z above two so).
+    would lower their error where nothing is hidden.
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
