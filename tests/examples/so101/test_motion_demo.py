@@ -49,7 +49,7 @@ def test_the_last_screen_has_the_fall_and_the_name_beside_the_truth(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "left_deg"), [(1, 0.4), (2, 0.05)])
+@pytest.mark.parametrize(("seed", "left_deg"), [pytest.param(1, 0.4, marks=pytest.mark.long), (2, 0.05)])
 def test_the_error_of_unseen_moves_falls(seed: int, left_deg: float, tmp_path: Path) -> None:
     """Seed 2 comes to the noise of 0.043 deg. Of seed 1 half as much is left as when its limit was fitted from a servo
     as slow as the limit had made it (0.80 deg): the profile of a limit is not known in a move that is cut (0.24)."""

@@ -168,7 +168,7 @@ def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [390, 800, 1440])
+@pytest.mark.parametrize("width", [390, pytest.param(800, marks=pytest.mark.long), 1440])
 def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
     """Page and report, each from its top to its end."""
     page = opened(browser, small, {"width": width, "height": 900})
