@@ -50,19 +50,19 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests but those marked long, three at a time: first all that compute, with mypy beside them, then the system's, which wait
+test: setup ## ruff, mypy and all tests, three at a time: first all that compute, with mypy beside them, then the system's, which wait
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
 	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 -m "not long" --ignore tests/system; tests=$$?; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are not marked slow, in about a minute
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
 
 offline: setup ## the tests of the offline tool alone, as macOS and Windows run them
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs -m "not slow and not long" --ignore-glob '*_in_browser.py' tests/math tests/ik tests/ident
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs -m "not slow" --ignore-glob '*_in_browser.py' tests/math tests/ik tests/ident
 
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/*_in_browser.py
@@ -134,7 +134,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
-soak: setup ## all tests, laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
+soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences

@@ -94,7 +94,7 @@ def assert_whole(out: Path) -> None:
     assert len((out / "fleet.csv").read_text().splitlines()) == ARMS + 1
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_a_scheduler_that_is_killed_and_started_again(four: Path, tmp_path: Path, cluster: Cluster) -> None:
     """The command ends with one line; started again, it computes what is missing."""
