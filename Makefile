@@ -202,8 +202,8 @@ story: setup ## the moving picture of README and site, and the social card, in a
 closed-loop: setup ## the demo over 30 seeds (an hour)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30
 
-as-deployed: setup ## the error of the deployed model in worlds that go on, before and after auto, in out/as-deployed.json (an hour; PART=)
-	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(PART)) --jobs 2 -o $(OUT)/as-deployed.json
+as-deployed: setup ## the error of the deployed model in worlds that go on, before and after auto, in out/as-deployed.json (an hour; PART=, REAL= folder of the real arm)
+	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond absurd loop)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md

@@ -64,17 +64,20 @@ def config_in(folder: Path) -> Config:
 
 
 @contextmanager
-def simulated_world(folder: Path, seed: int) -> Iterator[World]:
-    """Starts everything, and arms the arm at its home pose. Raises `LrmError`."""
+def simulated_world(folder: Path, seed: int, tracker: str = TRACKER, speed: float = SPEED) -> Iterator[World]:
+    """Starts everything, and arms the arm at its home pose. Raises `LrmError`.
+
+    `tracker`: module that sees the tip of the arm of a seed, by `simulated_tracker.track`. `speed`: of its clock.
+    """
     config = config_in(folder)
     # Servos without a dead band: with one, each would stop short of where it was sent, on the side it comes from.
     with (
-        simulated_board(config, SPEED, "--dead-band-us", "0") as simulated,
-        daemon(simulated, SPEED),
+        simulated_board(config, speed, "--dead-band-us", "0") as simulated,
+        daemon(simulated, speed),
         connected(simulated) as rover,
     ):
         world = World(config.zenoh.listen[0], Path(simulated.link.port), free_port())
-        sees = subprocess.Popen([sys.executable, "-m", TRACKER, str(world.board), str(world.tracker_port), str(seed)])
+        sees = subprocess.Popen([sys.executable, "-m", tracker, str(world.board), str(world.tracker_port), str(seed)])
         try:
             _arm(rover)
             yield world

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
 OFF = 0.1
 IMPLAUSIBLE = "implausible"
-IN_MM = ("loop/",)
+IN_MM = ("loop/", "board/", "real/")
 Cases = dict[str, Record]
 
 
@@ -67,7 +68,7 @@ def report(cases: Cases, beside: Cases) -> str:
     if absurd := {key: one for key, one in simulated.items() if "says" in one and "steps" in one}:
         parts += ["## Absurd estimates", _claims(absurd)]
     others = {key: one for key, one in cases.items() if key not in simulated}
-    return "\n\n".join([*parts, *(["## Loop, mm", _table_in_mm(others, beside)] if others else [])])
+    return "\n\n".join([*parts, *(["## Loop, board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
 
 
 def group_of(key: str) -> str:
@@ -164,12 +165,20 @@ def _table_in_mm(cases: Cases, beside: Cases) -> str:
         for column, name in enumerate(names[:2]):
             if name in (then := beside.get(key, {})):
                 figures[column] += f" (then {_figure(then, name)})"
-        rows.append((key, one.get("hidden", ""), *figures, one.get("trouble") or steps_words(one)))
+        rows.append((key, one.get("hidden", ""), *figures, one.get("trouble") or _named(one)))
     return markdown_table(head, rows)
 
 
 def _figure(record: Record, name: str) -> str:
     return f"{record[name]:.2f}" if name in record else "–"
+
+
+def _named(record: Record) -> str:
+    """Steps of one run, or how often folds chose each name."""
+    if "chosen" not in record:
+        return steps_words(record)
+    counted = Counter(name for names in record["chosen"] for name in names)
+    return ", ".join(f"{name} ×{count}" for name, count in counted.most_common())
 
 
 def _then(record: Record | None) -> tuple[str, ...]:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from lrm_ident.fitting.cross_validation import FOLDS
 from validation.as_deployed.absurd import ABSURD
+from validation.as_deployed.board.loop import POSES
 from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
 from validation.as_deployed.leaning import SEEDS, Lean, leaning_recording
-from validation.as_deployed.loop import POSES
 from validation.as_deployed.pose_choice import HalfRange
+from validation.as_deployed.real_arm import REAL
 from validation.as_deployed.recording import WorldRecording
 
-PARTS = ("catalogue", "lean", "beyond", "absurd", "loop")
+PARTS = ("catalogue", "lean", "beyond", "absurd", "loop", "board", "real")
 JOINTS = (2, 3, 4)
 COUNTS = (300, 80)
 
@@ -90,7 +92,9 @@ def cases_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> I
 
 def keys_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> list[str]:
     """Keys of all cases of a part."""
-    if part == "loop":
+    if part == "real":
+        return [f"{part}/{name}/{FOLDS}/0" for name in REAL]
+    if part in ("loop", "board"):
         return [f"{part}/loop/{POSES}/{seed}" for seed in seeds or range(SEEDS)]
     return [one.key for one in cases_of(part, seeds, counts)]
 

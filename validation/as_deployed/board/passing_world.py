@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from examples.demo.simulated_tracker import BASE_IN_ROOM, TOOL, frames
+from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.arrays import Array
 from validation.as_deployed.leaning import Lean
 from validation.synthetic import (
@@ -30,7 +34,7 @@ PUSH_M, PUSH_DEG, PUSHED_AT_S = 0.003, 0.3, 240.0
 class PassingWorld:
     """Arm of a seed with random errors, whose joint 2, 3 or 4 drifts, on a base that leans, seen by a tracker.
 
-    The tracker's base target is pushed while measuring. Times in s from the first pose on.
+    The tracker's base target is pushed while measuring. All by the board's clock (s).
     """
 
     seed: int
@@ -52,6 +56,19 @@ class PassingWorld:
         """The causes."""
         joint, drift, tilt, *_ = self._sizes
         return f"drift@joint{joint} {math.degrees(drift):.1f}°, pushed base target, gravity {tilt}° about {self._axis}"
+
+    def measuring(self, board: Path) -> Iterator[TrackerFrame]:
+        """Frames while it warms up and is pushed."""
+        for frame in frames(board, *self.passing, self.seed):
+            yield self._pushed(frame) if frame.t >= PUSHED_AT_S else frame
+
+    def afterwards(self, board: Path) -> Iterator[TrackerFrame]:
+        """Frames of the world that goes on: warm, pushed, leaning."""
+        return map(self._pushed, frames(board, *self.lasting, self.seed))
+
+    def known(self, board: Path) -> Iterator[TrackerFrame]:
+        """The same on a level base: nothing passes while it is measured, so that a plain fit has all causes."""
+        return map(self._pushed, frames(board, *self.level, self.seed))
 
     @property
     def passing(self) -> tuple[ArmDescription, GroundTruth]:
@@ -90,3 +107,12 @@ class PassingWorld:
     def _truth(self, effect: WarmUp | JointSlip) -> GroundTruth:
         arm = load_arm(ARM_FILE)
         return base_displacement_to_deviations(arm, GroundTruth.random(arm, self.seed, (effect,)))
+
+    def _pushed(self, frame: TrackerFrame) -> TrackerFrame:
+        """A frame whose tool stands elsewhere relative to the base target."""
+        if TOOL not in frame.targets:
+            return frame
+        seen, base = frame.targets[TOOL], BASE_IN_ROOM
+        moved = self.pushed(base.rotation.T @ (seen.position - base.position))
+        targets = {**frame.targets, TOOL: TargetPose(base.position + base.rotation @ moved, seen.rotation)}
+        return replace(frame, targets=targets)

@@ -1,7 +1,6 @@
-"""The closed loop: the inverse of each model commands goals, the true arm says where its tip lands.
+"""The loop without its servo board: the inverse of each model commands goals, the true arm says where its tip lands.
 
-All models answer each goal from the same random pose: a goal of the tip leaves three joints free, and the inverse takes
-the command nearest to where the arm comes from, which would decide more than the model.
+Poses, goals, causes and the tracker's noise are those of `loop`, which needs processes that keep real time.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from examples.demo.pose_files import LOAD_G, clear_poses
 from examples.demo.simulated_tracker import FRAME_SD_M, REST_SD_M
 from examples.demo.world import ARM
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.measuring.verification.goals import draw_goals
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.arrays import Array
@@ -28,8 +26,9 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
 from lrm_math.model.model import Model
+from validation.as_deployed.board.goal_visits import GoalVisits
+from validation.as_deployed.board.passing_world import PUSHED_AT_S, PassingWorld
 from validation.as_deployed.outcome import Record, deployed, steps_of
-from validation.as_deployed.passing_world import PUSHED_AT_S, PassingWorld
 from validation.as_deployed.recording import WorldRecording
 from validation.synthetic import ArmDescription, Dataset, GroundTruth, Schedule, true_state
 from validation.synthetic.example import ARM_FILE
@@ -50,7 +49,7 @@ class InstantLoop:
         return PassingWorld(self.seed)
 
     def record(self) -> Record:
-        """RMS distance from the goals in mm: with the plain fit, after `auto`, and with all causes known."""
+        """See `loop.loop_record`."""
         began = time.perf_counter()
         try:
             record = self._record()
@@ -84,11 +83,9 @@ class InstantLoop:
 
     def _errors(self, model: Model, arm: ArmDescription, truth: GroundTruth) -> Array:
         """(GOALS, 3), how far from the goals the tip lands afterwards (m); NaN where there is no command."""
-        solver, drawn = CalibratedSolver.of(model), load_arm(ARM)
-        goals = draw_goals(drawn, GOALS, self.seed)
-        starts = clear_poses(drawn, GOALS, np.random.default_rng([self.seed, 8]))
+        solver, visits = CalibratedSolver.of(model), GoalVisits.of(GOALS, self.seed)
         load, missed = np.array([LOAD_G * GRAM]), np.full((GOALS, 3), np.nan)
-        for row, (goal, start) in enumerate(zip(goals, starts, strict=True)):
+        for row, (goal, start) in enumerate(zip(visits.goals, visits.starts, strict=True)):
             reply = solver.solve(point(goal), float(load[0]), start.tolist())
             if isinstance(reply, Solved):
                 tip = true_state(arm, truth, np.array([reply.q]), load).tcp_m[0]
