@@ -30,15 +30,9 @@ from lrm_math.effects import CATALOGUE, Effect, variants
 LISTED, REASONS, REASONS_SHOWN = 4, 3, 2
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = (
-    "estimate",
-    "certainty",
-    "repair",
-    "empirical term",
-    "could be",
-    "acts most like",
-    "in the model",
+    "estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
     "hidden at most",
-)
+)  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
 FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
@@ -343,7 +337,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    return f"{in_mm(max(bounds.values()))} mm RMS by any one known effect (95 % bound)"
+    return f"{in_mm(max(bounds.values()))} mm RMS, that one more known effect could still move the tip (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
@@ -356,16 +350,16 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
+    lead, words = "or", "Adds it to the model and refits all parameters."
     if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
         yield _to_distinguish(advice.plan.options, causes_of(report), names)
+        lead, words = "meanwhile", "Adds it, though its cause is not certain."
     if attribution == Support.DESCRIPTION:
-        yield NextStep(
-            "Corrects the error without knowing its cause, so that you can use the arm.", add, lead="meanwhile"
-        )
+        yield NextStep("Corrects the error without knowing its cause.", add, lead="meanwhile")
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
-        yield NextStep("Adds it to the model and refits all parameters.", add, then)
+        yield NextStep(words, add, then, lead)
         if not first.equivalent:
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
@@ -381,9 +375,7 @@ def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) ->
     """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = (
-        f"Writes poses that distinguish these causes. Drive there, measure the tip, append the rows to {names.data}."
-    )
+    words = f"Writes poses that distinguish these causes. Drive there, measure the tip, append it to {names.data}."
     poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
