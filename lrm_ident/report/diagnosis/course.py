@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
-STILL_OPEN = ("empirical term", "could be", "hidden at most")
+STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
 
