@@ -163,15 +163,17 @@ def confirm(
         on_progress("cross-validating the model as it is")
         blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
     reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
-    now = select_without(diagnosis, reasons) if refused else diagnosis
+    selection = select_without(diagnosis, reasons) if refused else diagnosis
     promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
     worse = dict[str, tuple[float, float]]()
-    while now.supported and len(reasons) < MOST_REFUSED:
-        scored = now.supported[0]
+    while selection.supported and len(reasons) < MOST_REFUSED:
+        scored = selection.supported[0]
         on_progress(f"refitting with {scored.name}")
-        trial = _refit_trial(now, scored, blocks)
+        trial = _refit_trial(selection, scored, blocks)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons, worse_deployed=worse)
+            return ConfirmedDiagnosis(
+                selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse
+            )
         refuted |= trial.fitted
         if trial.worse_deployed:
             worse[scored.name] = trial.worse_deployed
@@ -179,10 +181,10 @@ def confirm(
         if trial.refit:
             break
         if trial.fitted and not scored.candidate.effect.is_free_form:
-            saved = _share_saved(scored.alone.held_out, now.squared_held_out)
+            saved = _share_saved(scored.alone.held_out, selection.squared_held_out)
             promised, rival = max((promised, rival), (saved, scored.name))
-        now = select_without(now, reasons)
-    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted, worse)
+        selection = select_without(selection, reasons)
+    return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,8 +272,8 @@ def objection_to_estimates(
     """
     if wald_p_value(fitted, keys) > MAX_WALD_P:
         return Reason(ReasonKind.NEAR_ZERO)
-    known = {one.key for one in before}
-    new = [one.sentence for one in implausible_of(fitted) if one.key not in known]
+    keys_before = {estimate.key for estimate in before}
+    new = [estimate.sentence for estimate in implausible_of(fitted) if estimate.key not in keys_before]
     return Reason(ReasonKind.ABSURD, said=new[0]) if new else None
 
 

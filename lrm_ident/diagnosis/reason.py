@@ -100,14 +100,13 @@ class Reason:
                 return SENTENCES[self.kind].format(said=self.said)
 
     def _explains(self, named: Callable[[str], str]) -> str:
-        (before, after), (own, *equivalent) = self.numbers, self.names
+        (before, after), (effect, *equivalent) = self.numbers, self.names
         better = f"{self.said}: the held-out error falls {fall(before, after)} mm"
         if not equivalent:
             return better
         rivals = ", ".join(map(named, equivalent[:RIVALS_NAMED]))
-        return (
-            f"if it is {named(own)}, {better}; these poses cannot distinguish it from {rivals}; several may be present"
-        )
+        told = f"these poses cannot distinguish it from {rivals}; several may be present"
+        return f"if it is {named(effect)}, {better}; {told}"
 
 
 SENTENCES = {
