@@ -33,8 +33,8 @@ NEXT_STEP: Mapping[Verdict, str] = {
         "one that does not is a loose part, creep or noise."
     ),
     Verdict.NOTHING_MISSING: (
-        "Give it to lrmd, the program that drives the arm. Then check it with your tracker, here one that sends DTrack "
-        "data to port 5000."
+        "Give the model to lrmd, the program that drives the arm. Then check it with your tracker, here one that "
+        "sends DTrack data to port 5000."
     ),
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
