@@ -31,6 +31,8 @@ from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
 PHASES, OFF, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), (0.96, 1.0, 1.04), 4
 """Phases of the board's frames and factors of the frequencies with which settling is predicted; steps in a frame."""
+SETTLED = 0.75
+"""Share of these cases in which the tip has settled by the predicted time."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class MotionPredictor:
         """Time (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
 
         The command is the board's: pulses rounded to its counts, frame by frame. The phase of its frames is not known,
-        and frequencies only nearly: the longest of several of both counts.
+        and frequencies only nearly: the time by which the tip has settled in `SETTLED` of the cases of both.
         """
         path, model = self._path(final_leg.move), self._carrying(final_leg.load_at)
         step = self._frame / FRAME_STEPS
@@ -81,7 +83,7 @@ class MotionPredictor:
         frames = math.ceil(ends / self._frame) + 1
         seen = np.stack([self._seen(path, phase, frames) for phase in PHASES])
         within = self._config.motion.within_mm * 1e-3
-        found = settling_after(model, path[0], seen, step, within, final_leg.payload, OFF)
+        found = settling_after(model, path[0], seen, step, within, final_leg.payload, OFF, SETTLED)
         return (frames + 0.5) * self._frame - ends + found.seconds if found.seconds else 0.0
 
     def _seen(self, path: Array, phase: float, frames: int) -> Array:
