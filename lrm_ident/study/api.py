@@ -26,6 +26,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -45,7 +46,6 @@ from lrm_ident.study.arguments import (
     reading_of,
 )
 from lrm_ident.study.other_data import model_for_data
-from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import Study
 from lrm_ident.study.transfer import Transfer, identified, read_transfer
 from lrm_math.arm.arm import Arm
@@ -203,7 +203,8 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     right = "lrm.save(fit, data, 'model.toml'); a study saves itself: study.save('model.toml')"
     numbers = of_kind(fit, Fit, "a fit", right).equilibrium.poses.number
     outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
-    replace(_study(fit, data.without(outliers), None), step=StudyStep(StepName(FIT), fit)).save(path)
+    fitted = data.without(outliers)
+    replace(_study(fit, fitted, None), step=Step(StepName(FIT), fit, fitted)).save(path)
 
 
 def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> Study:

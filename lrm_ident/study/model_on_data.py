@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import nominal_arm
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import Prior
@@ -21,7 +22,6 @@ from lrm_ident.residual.error_breakdown import (
     try_held_out,
 )
 from lrm_ident.residual.predictability import PredictableError
-from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import Covariance
@@ -70,7 +70,7 @@ class ModelOnData:
     catalogue: Catalogue = CATALOGUE
     loss: Loss = SQUARED
     source: ModelFile | None = None
-    step: StudyStep | None = None
+    step: Step | None = None
     progress: Progress = silent
     apart: bool = False
 
@@ -106,7 +106,7 @@ class ModelOnData:
         return None if known is None else known.marginal(whole, self.model)
 
     @property
-    def taken(self) -> StudyStep:
+    def taken(self) -> Step:
         """The last step. Raises `LrmError` if none was taken."""
         if self.step is None:
             raise LrmError("nothing is fitted yet")

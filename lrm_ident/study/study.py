@@ -15,6 +15,7 @@ from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.data.wording import poses_words
 from lrm_ident.diagnosis.evidence import Evidence
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
@@ -23,14 +24,13 @@ from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.residual.deployment.deployable import deployable
-from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
+from lrm_ident.residual.error_breakdown import ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, names_of
 from lrm_ident.study.model_history import as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.parameter_estimates import ParameterEstimate, parameter_estimates
-from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.effects.memory import assumed_steps
 from lrm_math.errors import LrmError
@@ -40,7 +40,7 @@ from lrm_math.model.model_file import ModelFile, to_model
 from lrm_math.model.step_name import ADD, FIT, REFIT, StepName
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
-    from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+    from lrm_ident.diagnosis.auto import AutoRun
     from lrm_ident.diagnosis.confirm import Refit
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -103,9 +103,9 @@ class Study(ModelOnData, ShownInNotebook):
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         stated = deployable(result.fit, result.data)
-        step = StudyStep(StepName(FIT), stated, bounds=bounds, stated_prior=known, prior_name=name)
-        begun = replace(self, data=result.data, loss=loss, source=None)
-        return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
+        step = Step(StepName(FIT), stated, result.data, bounds=bounds, stated_prior=known, prior_name=name)
+        notices = (*self.notices, *model_error_words(result.data))
+        return replace(self, loss=loss, notices=notices)._after(step, None)
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
         """Screens every effect at every place by the linearised fit, and finds outliers.
@@ -158,11 +158,10 @@ class Study(ModelOnData, ShownInNotebook):
         left_out = f"outliers, left out: {poses_words(found.outliers)}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         notices = (*notices, *assumed_steps(added, own.data.poses))
-        then = replace(own, data=found.data, notices=notices)
         equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         evidence = Evidence(equivalent, found.rivals([*(one.name for one in added), *equivalent]))
-        step = StudyStep(StepName(ADD, effect), fitted, start=own.model, evidence=evidence)
-        return then._after(step, self)
+        step = Step(StepName(ADD, effect), fitted, found.data, own.model, evidence=evidence)
+        return replace(own, notices=notices)._after(step, self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -179,7 +178,7 @@ class Study(ModelOnData, ShownInNotebook):
         self,
         max_effects: int = MAX_EFFECTS,
         rates: EffectRates | None = None,
-        on_step: Callable[[AutoStep, Study], object] = lambda *_: None,
+        on_step: Callable[[Step, Study], object] = lambda *_: None,
         on_confirmed: Callable[[Refit], object] = lambda _: None,
     ) -> tuple[AutoRun, Study]:
         """Diagnoses and adds effects until none is confirmed: the run, and the study after it.
@@ -192,13 +191,10 @@ class Study(ModelOnData, ShownInNotebook):
 
         own, now = self.identifiable(), self
 
-        def taken(step: AutoStep) -> None:
+        def taken(step: Step) -> None:
             """Follows the run with a study."""
             nonlocal now
-            name = StepName(ADD, step.added) if step.added else None
-            held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
-            one = StudyStep(name, step.fit, now.model, held_out=held_out, evidence=step.evidence)
-            now = replace(own, data=step.data)._after(one, now)
+            now = own._after(step, now)
             on_step(step, now)
 
         tick = partial(self.progress, "looking for what is missing")
@@ -225,9 +221,8 @@ class Study(ModelOnData, ShownInNotebook):
         start = named_part(self._fitted)
         known = load_prior(prior, start, self.catalogue)
         result = deployable(fit_model(start, self.data, "identifiable", self.loss, prior=known).fit, self.data)
-        step = StudyStep(
-            StepName(REFIT, known.name), result, start=start, stated_prior=known, prior_name=prior_name_for(prior)
-        )
+        name = StepName(REFIT, known.name)
+        step = Step(name, result, self.data, start, stated_prior=known, prior_name=prior_name_for(prior))
         return self._after(step, self)
 
     def transfer(self, to: str | Path, data: Measurements | None = None) -> Transfer:
@@ -337,7 +332,7 @@ class Study(ModelOnData, ShownInNotebook):
         """The study with another model before a step, and a notice of it."""
         return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
 
-    def _after(self, step: StudyStep, before: Study | None) -> Study:
+    def _after(self, step: Step, before: Study | None) -> Study:
         """The study after a step, its model as read from its file, so that API and commands give the same results."""
         model = as_written(step.fit.model, self.arm)
-        return replace(self, model=model, source=None, step=step, before=before)
+        return replace(self, model=model, data=step.data, source=None, step=step, before=before)

@@ -62,7 +62,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
         "next": "" if commands else known.get("next_poses_hint", ""),
-        "commands": [[one.command, one.words, one.then] for one in commands],
+        "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
