@@ -2,7 +2,8 @@
 
 By the Cramér–Rao bound: an efficient estimator that knows which effect is hidden, at the touches of `simulated_arms`,
 their noise and the rounding of the commands. The parameters' errors are drawn from both bounds' covariances, one by
-sockets and one by a tracker, and each draw has its own ratio of tip errors at the fresh poses.
+sockets and one by a tracker, and each draw has its own ratio of tip errors at the fresh poses. `--touches` and
+`--placements` try another plan; `--tracker-poses` gives the tracker another number of poses than there are touches.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from validation.touched_points.simulated_arms import (
     FRESH,
     NOISE_M,
     NOTHING,
+    PLACEMENTS,
     TOUCHES,
     deployed_poses,
     fresh_poses,
@@ -77,15 +79,20 @@ def tip_variances(model: Model, q: Array, placement: Array, fresh: Array) -> Arr
 
 def main() -> None:
     """Prints a row for each arm, and how many of them are within the ratio by chance."""
-    options = asked(__doc__, draws=10000)
-    rng, plan = np.random.default_rng(0), planned(TOUCHES)
-    where, fresh = np.array(plan.placement) - 1, fresh_poses(rng)
+    options = asked(__doc__, draws=10000, touches=TOUCHES, placements=PLACEMENTS, tracker_poses=0)
+    rng, fresh = np.random.default_rng(0), fresh_poses(np.random.default_rng(0))
+    plan = planned(options.touches, options.placements)
+    tracked = planned(options.tracker_poses, options.placements) if options.tracker_poses else plan
+    where = np.array(plan.placement) - 1
     print("| hidden | sockets, bound (mm) | tracker, bound (mm) | ratio | within 1.5 by chance |")
     print("|---" * 5 + "|")
     near = np.zeros(options.draws, dtype=np.int_)
     for case in CASES:
         model = hidden_model(case.right[0] if case.right else NOTHING)
-        by = [tip_variances(model, plan.q, frames, fresh) for frames in (where, 0 * where)]
+        by = [
+            tip_variances(model, plan.q, where, fresh),
+            tip_variances(model, tracked.q, np.zeros(len(tracked.q), dtype=np.int_), fresh),
+        ]
         bounds = [1e3 * float(np.sqrt(variances.sum() / FRESH)) for variances in by]
         drawn = [rng.normal(size=(options.draws, variances.size)) ** 2 @ variances for variances in by]
         within = drawn[0] <= WITHIN**2 * drawn[1]
