@@ -170,7 +170,8 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
-    scale = scale_uncertainty(report.diagnosis.fit)
+    fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
+    scale = scale_uncertainty(fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"

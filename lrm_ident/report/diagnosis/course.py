@@ -25,6 +25,7 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
+from lrm_ident.residual.scale_uncertainty import scale_of_step
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
+TRACKERS_SCALE = "tracker's scale"
 STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
@@ -67,6 +69,8 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
         present = {effect.name: effect for effect in step.fit.model.effects}
         why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
         yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
+        if scale := scale_of_step(step.added, step.fit):
+            yield f"      scale {scale}"
     if step.freed:
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
@@ -93,7 +97,8 @@ def step_document(
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
     verdict = verdict_on(effect, step, before, after, known)
     values |= {"verdict": verdict or None}
-    told = [Facts((("verdict", verdict),))] if verdict else []
+    facts = (("verdict", verdict), (TRACKERS_SCALE, scale_of_step(effect, step.fit)))
+    told = [Facts(tuple((label, words) for label, words in facts if words))] if any(words for _, words in facts) else []
     blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *diagnose_next(files)]
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)

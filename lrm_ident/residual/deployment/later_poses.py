@@ -15,8 +15,9 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.deployment.carried_states import FEWEST, with_carried_states
 from lrm_math.arrays import Array
-from lrm_math.model.deployed_model import as_deployed
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at
 from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model
 
 FIRST_SHARE, WINDOWS = 0.5, 4
 """Share of the poses before the first forecast; number of forecasts, each of as many poses."""
@@ -33,16 +34,23 @@ def tells_of_later(data: Measurements) -> bool:
 def later_squares(fitted: Fit, data: Measurements) -> Array:
     """(M,), squared errors (m²) of the poses after the first half, each predicted as deployed by a fit to those before.
 
+    A rover may know the time since power-on and what the arm did before, or not: the way that predicts better counts.
+
     Raises `LrmError`: a fit does not converge.
     """
-    rows, found = np.arange(len(data)), list[Array]()
+    rows, known, unknown = np.arange(len(data)), list[Array](), list[Array]()
     edges = np.linspace(FIRST_SHARE * len(data), len(data), WINDOWS + 1).round().astype(np.int64)
     for begin, end in pairwise(edges.tolist()):
         before, later = data.take(rows[:begin]), data.take(rows[begin:end])
         model = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before).model
-        error = later.position_error(solve_equilibrium(as_deployed(model), later.poses))
-        found.append(np.asarray((error**2).sum(axis=1)))
-    return np.concatenate(found)
+        known.append(_squares(as_deployed_at(model, later.poses), later))
+        unknown.append(_squares(as_deployed(model), later))
+    return min(np.concatenate(known), np.concatenate(unknown), key=lambda squares: float(squares.mean()))
+
+
+def _squares(deployed: Model, later: Measurements) -> Array:
+    error = later.position_error(solve_equilibrium(deployed, later.poses))
+    return np.asarray((error**2).sum(axis=1))
 
 
 def forecasts_alike(one: Array, other: Array) -> bool:

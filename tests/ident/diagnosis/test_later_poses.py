@@ -23,12 +23,14 @@ Patch = pytest.MonkeyPatch
     ("world", "effect", "holds"),
     [
         ("catalogue/first/slip4/80/0", "change_point@joint4", True),
-        ("catalogue/fault/read before it settled/300/0", "creep@base", False),
+        ("catalogue/second/creep2/report/80/0", "creep@joint2", True),
+        ("catalogue/second/weather2/tune/300/0", "drift@joint2", False),
     ],
 )
 def test_what_goes_on_is_told_from_what_only_fits(world: str, effect: str, holds: bool, tmp_path: Path) -> None:
     data, _ = SimulatedCase.of(world).record().load(tmp_path)
     study = Study.of(data).fit()
+    assert study.step is not None
     plain = study.step.fit
     [one] = effects_at(plain.model.arm, effect)
     named = add_effects(plain.model, study.data, [one])
