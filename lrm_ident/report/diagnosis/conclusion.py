@@ -340,7 +340,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    return f"{in_mm(max(bounds.values()))} mm RMS is the most that one more known effect can move the tip (95 % bound)"
+    return f"{in_mm(max(bounds.values()))} mm RMS by any further known effect (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
@@ -349,7 +349,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield _without_effect(report, names)
         if report.verdict == Verdict.NOTHING_MISSING:
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
-            yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
+            yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
