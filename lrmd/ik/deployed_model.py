@@ -85,7 +85,8 @@ def deploy_file(config: Config, path: Path | None) -> DeployedModel:
 def _check_arm(config: Config, path: Path, tables: ModelFile, arm: Arm) -> None:
     """Raises `FileError`: the arm of a model is not the daemon's, or not as it was when the model was fitted."""
     if arm.name != config.arm.name:
-        raise FileError(path, "arm", f"a model of {arm.name}", f"this daemon drives {config.arm.name}")
+        here = f"this daemon drives {config.arm.name} (the same arm elsewhere: lrm-ident transfer)"
+        raise FileError(path, "arm", f"a model of {arm.name}", here)
     if arm_sha256(arm) != arm_sha256(config.arm):
         words = f"a model of another {arm.name}: {WHAT_COUNTS} differ from those of this daemon's arm file"
         raise FileError(path, "arm", words, FIT_AGAIN)

@@ -149,9 +149,9 @@ def joint_step(q: Array, error: Array) -> Array:
 
 
 @cache
-def planned(touches: int) -> TouchPlan:
+def planned(touches: int, placements: int = PLACEMENTS) -> TouchPlan:
     """The touches that `lrm-ident sockets plan` proposes for an arm as drawn."""
-    return plan_touches(ARM, SocketBoard().points, touches, PLACEMENTS, NOISE_M)
+    return plan_touches(ARM, SocketBoard().points, touches, placements, NOISE_M)
 
 
 def jogged(tips: Tips, path: Array, first: int, goal: Array, begun: Array) -> Array:
