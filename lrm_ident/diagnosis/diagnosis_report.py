@@ -32,10 +32,7 @@ NEXT_STEP: Mapping[Verdict, str] = {
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep or noise."
     ),
-    Verdict.NOTHING_MISSING: (
-        "Give the model to lrmd, the program that drives the arm. Then check it with your tracker, here one that "
-        "sends DTrack data to port 5000."
-    ),
+    Verdict.NOTHING_MISSING: ("Give the model to lrmd, which drives the arm. Check it with a tracker."),
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
         "(noise_sd_mm), and diagnose again."

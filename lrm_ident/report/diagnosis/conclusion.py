@@ -36,6 +36,8 @@ FIRST = (
 """Facts that page and report show before the others are unfolded."""
 FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
+NOT_YET = "nothing yet: the cause is not certain"
+"""What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -101,7 +103,7 @@ class Conclusion:
             else:
                 steps.append(f"{lead}{step.words}")
         why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
-        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED)
+        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED and fact[1] != NOT_YET)
         return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
 
     @property
@@ -201,7 +203,7 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
         return "; ".join(filter(None, map(by_hand, list(_has_already(report).values())[:LISTED])))
     if first is not None and attribution == Support.FINDING and not first.equivalent:
         return by_hand(first.scored.candidate.effect)
-    return "nothing yet: the cause is not certain"
+    return NOT_YET
 
 
 def valid_where(report: DiagnosisReport) -> str:
@@ -339,7 +341,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    return f"{in_mm(max(bounds.values()))} mm RMS is the most that one more known effect can move the tip (95 % bound)"
+    return f"{in_mm(max(bounds.values()))} mm RMS by any further known effect (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
@@ -348,16 +350,16 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield _without_effect(report, names)
         if report.verdict == Verdict.NOTHING_MISSING:
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
-            yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
+            yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
     lead, words = "or", "Adds it to the model and refits all parameters."
     if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
         yield _to_distinguish(advice.plan.options, causes_of(report), names)
-        lead, words = "meanwhile", "Adds it, though its cause is not certain."
+        lead, words = "now", "Adds it, though its cause is not certain."
     if attribution == Support.DESCRIPTION:
-        yield NextStep("Corrects the error without knowing its cause.", add, lead="meanwhile")
+        yield NextStep("Corrects the error without knowing its cause.", add, lead="now")
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
@@ -377,7 +379,7 @@ def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) ->
     """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"Writes poses that distinguish these causes. Drive there, measure the tip, append it to {names.data}."
+    words = f"Writes poses that distinguish these. Measure there, append to {names.data}."
     poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
