@@ -71,8 +71,10 @@ class AutoRun(ShownInNotebook):
     def attributions(self) -> tuple[StepAttribution, ...]:
         """Attributions of the steps after the start: whether each shows a cause (mean squares in m²)."""
         present = {effect.name for effect in self.model.effects}
-        known = [replace(step.evidence, of_present=bool(present & {*step.evidence.refines})) for step in self.steps[1:]]
-        steps = list(zip(self.explained, known, strict=True))
+        evidence = [
+            replace(step.evidence, of_present=bool(present & {*step.evidence.refines})) for step in self.steps[1:]
+        ]
+        steps = list(zip(self.explained, evidence, strict=True))
         return attribute_steps(steps, unexplained_mean_square(self.report))
 
 
@@ -99,26 +101,28 @@ def run_auto(
         LrmError: the first diagnosis fails.
     """
     kinds = tuple(catalogue)
-    now = confirm(diagnose(model, data, kinds, progress, loss, rates))
+    latest = confirm(diagnose(model, data, kinds, progress, loss, rates))
     refused: tuple[str, ...] = ()
-    steps = [_step(None, NO_EVIDENCE, None, now)]
+    steps = [_step(None, NO_EVIDENCE, None, latest)]
     on_step(steps[0])
-    while now.first is not None and now.refit is not None and len(steps) <= max_effects:
-        on_confirmed(now.refit)
-        effect, evidence = now.first.name, _evidence(now, now.first)
-        last, refit, poses, blocks = steps[-1].fit.model, now.refit, now.diagnosis.data.pose, now.blocks
-        del now  # a diagnosis holds the columns of every candidate: one at a time
+    while latest.first is not None and latest.refit is not None and len(steps) <= max_effects:
+        on_confirmed(latest.refit)
+        effect, evidence = latest.first.name, _evidence(latest, latest.first)
+        last, refit, poses, blocks = steps[-1].fit.model, latest.refit, latest.diagnosis.data.pose, latest.blocks
+        del latest  # a diagnosis holds the columns of every candidate: one at a time
         try:
-            known = refit.fit if np.array_equal(poses, data.pose) else None
-            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates, known)
-            now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
+            same_fit = refit.fit if np.array_equal(poses, data.pose) else None
+            diagnosis = diagnose(refit.fit.model, data, kinds, progress, loss, rates, same_fit)
+            latest = confirm(
+                diagnosis, refit.blocks if np.array_equal(diagnosis.data.pose, poses) else (), refused=refused
+            )
         except LrmError:  # no diagnosis with it: it is refused, and the steps before stay
             refused = (*refused, effect)
-            now = confirm(diagnose(last, data, kinds, progress, loss, rates), blocks, refused=refused)
+            latest = confirm(diagnose(last, data, kinds, progress, loss, rates), blocks, refused=refused)
             continue
-        steps.append(_step(StepName(ADD, effect), evidence, last, now))
+        steps.append(_step(StepName(ADD, effect), evidence, last, latest))
         on_step(steps[-1])
-    return AutoRun(tuple(steps), now)
+    return AutoRun(tuple(steps), latest)
 
 
 def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:

@@ -82,9 +82,9 @@ class Study(ModelOnData, ShownInNotebook):
         arm = measurements_of(data).arm
         if arm is None:
             raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
-        known = catalogue_with(catalogue) if isinstance(catalogue, str | Path) else catalogue
-        model = nominal_model(arm, names_of(effects), known)
-        return Study(model, data, data.arm_name or arm.name, known, progress=progress)
+        effects_known = catalogue_with(catalogue) if isinstance(catalogue, str | Path) else catalogue
+        model = nominal_model(arm, names_of(effects), effects_known)
+        return Study(model, data, data.arm_name or arm.name, effects_known, progress=progress)
 
     def fit(
         self,
@@ -98,12 +98,14 @@ class Study(ModelOnData, ShownInNotebook):
         Raises `LrmError`: unknown names, too few poses, no convergence, or no identifiable parameter.
         """
         loss = loss_named(loss) if isinstance(loss, str) else loss
-        known = None if prior is None else load_prior(prior, self.model, self.catalogue)
-        result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
+        stated_prior = None if prior is None else load_prior(prior, self.model, self.catalogue)
+        result = fit_model(
+            named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, stated_prior
+        )
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         stated = deployable(result.fit, result.data)
-        step = Step(StepName(FIT), stated, result.data, bounds=bounds, stated_prior=known, prior_name=name)
+        step = Step(StepName(FIT), stated, result.data, bounds=bounds, stated_prior=stated_prior, prior_name=name)
         notices = (*self.notices, *model_error_words(result.data))
         return replace(self, loss=loss, notices=notices)._after(step, None)
 
@@ -115,8 +117,8 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.diagnose import diagnose
 
-        own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
-        return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
+        study, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
+        return diagnose(study.model, study.data, study.catalogue, tick, study.loss, rates)
 
     def diagnose(
         self,
@@ -148,20 +150,21 @@ class Study(ModelOnData, ShownInNotebook):
         from lrm_ident.diagnosis.add_effect import add_effects
 
         effect = effect_named(effect)
-        own = self.identifiable()
-        added = effects_at(own.model.arm, effect, own.catalogue)
-        if not all(one.names_a_cause for one in added):
+        study = self.identifiable()
+        added = effects_at(study.model.arm, effect, study.catalogue)
+        if not all(each.names_a_cause for each in added):
             return self.add_field()
-        found = screened or own.screen()
-        shape = next((one.shape for one in found.scored if (one.name,) == tuple(effect.name for effect in added)), None)
-        fitted = add_effects(own.model, found.data, added, shape, own.loss)
-        left_out = f"outliers, left out: {poses_words(found.outliers)}"
-        notices = (*own.notices, left_out) if found.outliers else own.notices
-        notices = (*notices, *assumed_steps(added, own.data.poses))
-        equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
-        evidence = Evidence(equivalent, found.rivals([*(one.name for one in added), *equivalent]))
-        step = Step(StepName(ADD, effect), fitted, found.data, own.model, evidence=evidence)
-        return replace(own, notices=notices)._after(step, self)
+        diagnosis = screened or study.screen()
+        names = tuple(each.name for each in added)
+        shape = next((scored.shape for scored in diagnosis.scored if (scored.name,) == names), None)
+        fitted = add_effects(study.model, diagnosis.data, added, shape, study.loss)
+        left_out = f"outliers, left out: {poses_words(diagnosis.outliers)}"
+        notices = (*study.notices, left_out) if diagnosis.outliers else study.notices
+        notices = (*notices, *assumed_steps(added, study.data.poses))
+        equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
+        evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
+        step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
+        return replace(study, notices=notices)._after(step, self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -170,9 +173,9 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.study.field_step import field_step
 
-        own = self.named()
-        step = field_step(own.model, own.data, own.loss, self.prior, partial(self.progress, "held-out error"))
-        return own._after(replace(step, prior_name=self.prior_name), self)
+        study = self.named()
+        step = field_step(study.model, study.data, study.loss, self.prior, partial(self.progress, "held-out error"))
+        return study._after(replace(step, prior_name=self.prior_name), self)
 
     def auto(
         self,
@@ -189,17 +192,19 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.auto import run_auto
 
-        own, now = self.identifiable(), self
+        study, latest = self.identifiable(), self
 
         def taken(step: Step) -> None:
             """Follows the run with a study."""
-            nonlocal now
-            now = own._after(step, now)
-            on_step(step, now)
+            nonlocal latest
+            latest = study._after(step, latest)
+            on_step(step, latest)
 
         tick = partial(self.progress, "looking for what is missing")
-        run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates, on_confirmed)
-        return run, now if now._filed is None else now.with_course(run, NestedResidual(None))
+        run = run_auto(
+            study.model, study.data, max_effects, study.catalogue, taken, study.loss, tick, rates, on_confirmed
+        )
+        return run, latest if latest._filed is None else latest.with_course(run, NestedResidual(None))
 
     def with_course(self, course: AutoRun, nested: NestedResidual) -> Study:
         """The study whose file also holds what the effects of a run are, and the nested held-out error."""
@@ -213,16 +218,16 @@ class Study(ModelOnData, ShownInNotebook):
         """Nested cross-validation: held-out residual of `auto`, effects selected anew in every fold, on an executor."""
         from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 
-        own, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
-        return nested_held_out(own.model, own.data, executor, max_effects, own.catalogue, tick, own.loss, rates)
+        study, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
+        return nested_held_out(study.model, study.data, executor, max_effects, study.catalogue, tick, study.loss, rates)
 
     def fit_all(self, prior: str) -> Study:
         """Fits all parameters of the model together with a prior (name or path). Raises `LrmError`."""
         start = named_part(self._fitted)
-        known = load_prior(prior, start, self.catalogue)
-        result = deployable(fit_model(start, self.data, "identifiable", self.loss, prior=known).fit, self.data)
-        name = StepName(REFIT, known.name)
-        step = Step(name, result, self.data, start, stated_prior=known, prior_name=prior_name_for(prior))
+        stated_prior = load_prior(prior, start, self.catalogue)
+        result = deployable(fit_model(start, self.data, "identifiable", self.loss, prior=stated_prior).fit, self.data)
+        name = StepName(REFIT, stated_prior.name)
+        step = Step(name, result, self.data, start, stated_prior=stated_prior, prior_name=prior_name_for(prior))
         return self._after(step, self)
 
     def transfer(self, to: str | Path, data: Measurements | None = None) -> Transfer:
@@ -236,20 +241,20 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.study.transfer import identified, transfer_of
 
-        found = transfer_of(self.file, self.model, self.covariance, arm_named(to))
-        return found if data is None else identified(found, measurements_of(data))
+        arm_part = transfer_of(self.file, self.model, self.covariance, arm_named(to))
+        return arm_part if data is None else identified(arm_part, measurements_of(data))
 
     def propose(self) -> LawProposal:
         """Proposes a law where no known effect fits, by symbolic regression at every joint."""
         from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
 
-        own, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
-        return propose_law(own.model, own.data, tick, self._say, own.loss)
+        study, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
+        return propose_law(study.model, study.data, tick, self._say, study.loss)
 
     def undo(self) -> Study:
         """Takes the last step back. Raises `LrmError` if there is none."""
-        own = self._filed
-        before = None if own is None or own.before is None else own.before._filed
+        filed = self._filed
+        before = None if filed is None or filed.before is None else filed.before._filed
         if before is not None:
             return before
         file = undo_step(self.file)
@@ -276,11 +281,11 @@ class Study(ModelOnData, ShownInNotebook):
     @cached_property
     def file(self) -> ModelFile:
         """The model file, with the history of all steps. Raises `LrmError` if nothing was fitted or read."""
-        own = self._filed
-        if own is None:
+        filed = self._filed
+        if filed is None:
             raise LrmError("nothing is fitted yet: there is no model to write")
-        if own is not self:
-            return own.file
+        if filed is not self:
+            return filed.file
         if self.source is not None:
             return self.source
         before = None if self.before is None else self.before._filed

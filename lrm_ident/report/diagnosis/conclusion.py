@@ -185,9 +185,10 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
-    yield "repair", _repair(report, attribution)
     if report.verdict.quiet:
         yield "in the model", enumerate_words(list(map(plain_name, _has_already(report))), LISTED)
+    yield "repair", _repair(report, attribution)
+    if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
@@ -337,7 +338,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    return f"{in_mm(max(bounds.values()))} mm RMS, that one more known effect could still move the tip (95 % bound)"
+    return f"{in_mm(max(bounds.values()))} mm RMS is the most that one more known effect can move the tip (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
