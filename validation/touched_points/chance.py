@@ -66,8 +66,8 @@ def tip_variances(model: Model, q: Array, placement: Array, fresh: Array) -> Arr
         A[row, :, P + 6 * frame : P + 6 * frame + 6] = own
     J = joint_jacobian(settled)
     noise = NOISE_M**2 * np.eye(3) + COUNT**2 / 12.0 * J @ J.transpose(0, 2, 1)
-    A = np.linalg.solve(np.linalg.cholesky(noise), A).reshape(-1, P + 6 * K)
-    M = A.T @ A + np.diag([*(sd.get(key, np.inf) ** -2.0 for key in keys), *[PLACE_SD**-2.0] * (6 * K)])
+    B = np.linalg.solve(np.linalg.cholesky(noise), A).reshape(-1, P + 6 * K)
+    M = B.T @ B + np.diag([*(sd.get(key, np.inf) ** -2.0 for key in keys), *[PLACE_SD**-2.0] * (6 * K)])
     size = 1.0 / np.sqrt(np.diag(M))
     C = size[:, None] * np.linalg.inv(M * size * size[:, None]) * size
     seen = solve_equilibrium(model, deployed_poses(fresh))

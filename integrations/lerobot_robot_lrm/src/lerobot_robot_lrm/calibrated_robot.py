@@ -9,6 +9,7 @@ from lerobot.robots.robot import Robot
 
 from lerobot_robot_lrm.corrected_arm import CorrectedArm
 from lerobot_robot_lrm.correction import Correction, places_of
+from lerobot_robot_lrm.late_replies import drop_late_replies
 from lerobot_robot_lrm.servo_check import require_servos_of
 from lerobot_robot_lrm.units import radians_per_unit
 from lerobot_robot_lrm.wrapped_robot import WrappedRobot
@@ -27,6 +28,7 @@ class CalibratedRobot(WrappedRobot):
         found = correction or Correction.of_file(config.model, 1e-3 * config.payload_g, places_of(config.keep))
         self.arm = CorrectedArm(config.model, found)
         self.arm.check_names(robot.action_features, robot.name)
+        drop_late_replies(robot)
 
     @property
     def correction(self) -> Correction:

@@ -1,0 +1,24 @@
+"""Replies of servos that came after their time: dropped, and not taken for the answer to the next request."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def drop_late_replies(robot: Any) -> None:
+    """Lets each request of a robot's bus begin with an empty input.
+
+    The servo makers' kits call `clearPort` before each request, and theirs only waits for the output. After one late
+    reply LeRobot tries again by itself and takes the late one for the answer: each later reading is then that of the
+    request before, and nothing says so. Robots without such a bus are left as they are.
+    """
+    port = getattr(getattr(robot, "bus", None), "port_handler", None)
+    written = getattr(port, "clearPort", None)
+    if port is None or written is None:
+        return
+
+    def clear() -> None:
+        written()
+        port.ser.reset_input_buffer()
+
+    port.clearPort = clear
