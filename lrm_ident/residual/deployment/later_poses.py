@@ -19,7 +19,7 @@ from lrm_math.model.deployed_model import as_deployed, as_deployed_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
-FIRST_SHARE, WINDOWS = 0.5, 4
+FIRST_SHARE, WINDOWS = 0.75, 2
 """Share of the poses before the first forecast; number of forecasts, each of as many poses."""
 SAME = 1e-3
 """Part of the mean square by which forecasts of no pose differ where an effect began after the last of them."""
@@ -27,12 +27,12 @@ SAME = 1e-3
 
 def tells_of_later(data: Measurements) -> bool:
     """Whether the poses have an order that follows no joint, and enough of them to forecast some from others."""
-    enough = len(data) * FIRST_SHARE >= max(FEWEST, WINDOWS) * 2
+    enough = len(data) * (1.0 - FIRST_SHARE) >= FEWEST
     return enough and data.poses.number is not None and not joints_of_order(data.poses.q)
 
 
 def later_squares(fitted: Fit, data: Measurements) -> Array:
-    """(M,), squared errors (m²) of the poses after the first half, each predicted as deployed by a fit to those before.
+    """(M,), squared errors (m²) of the last quarter of the poses, predicted as deployed by fits to those before.
 
     A rover may know the time since power-on and what the arm did before, or not: the way that predicts better counts.
 
