@@ -14,7 +14,7 @@ LEROBOT_VENV := .venv-lerobot-$(LEROBOT)
 LEROBOT_PYTHON_NAME := $(if $(filter 0.4.%,$(LEROBOT)),python3.11,python3.12)
 LEROBOT_PYTHON ?= $(shell for p in $(LEROBOT_PYTHON_NAME) $$HOME/.pyenv/versions/*/bin/$(LEROBOT_PYTHON_NAME); do \
     "$$p" --version > /dev/null 2>&1 && { echo "$$p"; break; }; done)
-SIDE_BY_SIDE := -n 2 --dist worksteal
+SIDE_BY_SIDE := -n 3 --dist worksteal
 INTEGRATIONS := integrations/lrm_ros2 integrations/lrm_skills integrations/lerobot_robot_lrm
 UNITS := --ignore tests/system --ignore tests/package --ignore-glob '*_in_browser.py'
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
@@ -50,7 +50,7 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests, two at a time: first all that compute, with mypy beside them, then the system's, which wait
+test: setup ## ruff, mypy and all tests, three at a time: first all that compute, with mypy beside them, then the system's, which wait
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
 	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
@@ -199,22 +199,18 @@ pictures: setup ## the pictures of the docs that commands draw (DATA= the real m
 story: setup ## the moving picture of README and site, and the social card, in a headless Chromium
 	$(BIN)/python -m validation.workbench.story
 
-closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against random poses over 20 (two hours)
+closed-loop: setup ## the demo over 30 seeds (an hour)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30
-	$(ONE_THREAD) $(BIN)/python -m validation.adaptive_measuring --seeds 20
 
 as-deployed: setup ## the error of the deployed model in worlds that go on, before and after auto, in out/as-deployed.json (an hour; PART=, REAL= folder of the real arm)
 	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond absurd loop)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
 	$(BIN)/python -m validation.hidden_effects --part report --seeds 2 --jobs 2 --out docs/confusion.md
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.laws
 
 camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
 	$(ONE_THREAD) $(BIN)/python -m validation.camera
-	$(ONE_THREAD) $(BIN)/python -m validation.camera.pose_coverage
 
 motion: setup ## hidden effects of motion in 19 simulated recordings through auto, and the 95 % intervals (20 minutes; ONLY=, SEED=)
 	@mkdir -p $(OUT)
@@ -227,11 +223,9 @@ swing: setup ## the simulated rover's arm swings: settling as predicted, moves s
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
 	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.dwell --seeds 3
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.laws --half tune
 
 lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, its follower from both sides, and its record_loop on simulated arms (LEROBOT_PYTHON=)
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101

@@ -33,6 +33,7 @@ from lrm_ident.cli.common import show
 from lrm_ident.measuring.verification.goal_commands import GoalCommand, ModelSolver
 from lrm_ident.report.document import heading
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 from lrm_math.ik.goal import point
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -118,6 +119,8 @@ def goals_in_view(poses: Array, count: int, seed: int) -> Array:
         tried = [*goals, solve_equilibrium(model_of(ARM, ()), poses_of(angles)).tcp[0]]
         if _seen_all_the_way(solver, [*tried, *tried], poses[-1]):
             goals, near = tried, angles
+    if len(goals) < count:
+        raise LrmError(f"{len(goals)} goals that the camera sees were found with seed {seed}, {count} are needed")
     return np.array(goals)
 
 

@@ -24,7 +24,8 @@ from lrm_math.model.model import model_of
 from validation.synthetic import SoftPlay
 from validation.touched_points.simulated_arms import ARM, DEG, NOISE_M, loaded, of_generator, tip_error_mm, touched
 
-TOUCHES = 20
+TOUCHES = 24
+"""Planned; a socket or two is out of reach of most arms, and the diagnosis asks for 20 touches."""
 
 
 def run_demo(folder: Path, seed: int) -> None:
@@ -32,8 +33,11 @@ def run_demo(folder: Path, seed: int) -> None:
     show(heading(f"Seed {seed}: `make demo ARM=so101 BY=sockets SEED={seed}` runs the same demo again."))
     tips = of_generator(SoftPlay(3, 1.0 * DEG, 0.05))(seed)
     run("sockets", "board", "-o", folder / "sockets.stl")
-    show(heading(f"{TOUCHES} touches at three placements (simulated: the arm is jogged until its tip is in a socket)"))
     q, names, where, seen = touched(tips, seed, TOUCHES)
+    done = f"{len(names)} of {TOUCHES} planned touches" + (
+        ", the others are out of reach" if len(names) < TOUCHES else ""
+    )
+    show(heading(f"{done}; three placements (simulated: the arm is jogged until its tip is in a socket)"))
     loaded(folder, q, {"point": names, "placement": [f"p{k}" for k in where]}, SocketBoard().metadata("so101"))
     data, model = folder / "data.csv", folder / "model.toml"
     run("fit", data, "-o", model)

@@ -30,7 +30,7 @@ from lrm_ident.cli.common import (
 from lrm_ident.cli.consoles import log
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import in_minutes
-from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.executors import executor_for, processes_for
 from lrm_ident.fitting.priors import load_rates
@@ -149,10 +149,10 @@ def auto(
     if not force:
         check_replaces(output, len(read.file.history))
     study = identifiable(read)
-    numbers, begun, taken = count(), monotonic(), list[AutoStep]()
+    numbers, begun, taken = count(), monotonic(), list[Step]()
     rates = None if prior is None else load_rates(prior)
 
-    def on_step(step: AutoStep, now: Study) -> None:
+    def on_step(step: Step, now: Study) -> None:
         """Prints a step on stderr as soon as it is taken; its model is on disk whatever comes then."""
         taken.append(step)
         pause()
@@ -228,7 +228,7 @@ def _with_field(study: Study) -> Study:
 
 
 @contextmanager
-def kept_when_interrupted(output: Path, taken: Sequence[AutoStep]) -> Iterator[None]:
+def kept_when_interrupted(output: Path, taken: Sequence[Step]) -> Iterator[None]:
     """Ends with exit code 130 and one line where a person interrupts: the model of the last step is written already."""
     try:
         yield

@@ -80,7 +80,7 @@ def assess(data: Measurements) -> AdaptiveFindings:
     """Fits the thesis's model and follows `auto`. Raises `LrmError`: too few poses, or no fit."""
     run, _ = Study.of(data).fit().auto()
     last = run.steps[-1]
-    squares = (last.held_out**2).sum(axis=1)
+    squares = (run.confirmed.held_out**2).sum(axis=1)
     error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
     unsure = next((number for number, step in enumerate(run.steps) if step.evidence.equivalent), None)
     names = () if unsure is None else (run.steps[unsure].added, *run.steps[unsure].evidence.equivalent)

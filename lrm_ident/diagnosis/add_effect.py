@@ -55,8 +55,8 @@ def add_effects(
     extended, names = model, ", ".join(effect.name for effect in effects)
     for effect in effects:
         extended = _with_effect(extended, effect, shape)
-    own = {key: p for e in effects for key, p in zip(e.keys, e.parameters, strict=True)}
-    new = [key for key, parameter in own.items() if parameter.fixed is None and key not in model.free]
+    parameters_of = {key: p for e in effects for key, p in zip(e.keys, e.parameters, strict=True)}
+    new = [key for key, parameter in parameters_of.items() if parameter.fixed is None and key not in model.free]
     if not new:
         raise LrmError(f"{names}: in the model already, with all parameters fitted")
     best = _with_shapes(extended, data, effects, new, loss)
@@ -75,7 +75,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
     keys = _to_fit(model, part, new)
     best = fit_identifiable(model, part, keys, loss).fit
     searched = _searched(effects, part)
-    best = _fit_shapes(best, part, {key: tried for key, one, tried in searched if one.unit != MOMENT}, loss)
+    best = _fit_shapes(best, part, {key: tried for key, parameter, tried in searched if parameter.unit != MOMENT}, loss)
     return best if part is data else fit_identifiable(best.model, data, keys, loss, near=best).fit
 
 
@@ -84,16 +84,16 @@ def _to_fit(model: Model, data: Measurements, new: Sequence[str]) -> list[str]:
     can tell beside these. Raises `LrmError`: none of the new ones is among them."""
     curves = {key for effect in model.effects if effect.is_free_form for key in effect.keys}
     keys = list(dict.fromkeys([*model.free, *new, *_held_base_parameters(model)]))
-    known = [key for key in keys if key not in curves or key in model.free]
-    coefficients = [key for key in keys if key not in known]
+    fitted_keys = [key for key in keys if key not in curves or key in model.free]
+    coefficients = [key for key in keys if key not in fitted_keys]
     if coefficients:
         settled = solve_equilibrium(model, data.poses)
         noise = expected_noise(settled, keys, data)
-        known += identifiable_beside(settled, known, coefficients, noise, data.whitening)
-    if not {*new} & {*known}:
+        fitted_keys += identifiable_beside(settled, fitted_keys, coefficients, noise, data.whitening)
+    if not {*new} & {*fitted_keys}:
         names = ", ".join(dict.fromkeys(map(effect_of, new)))
         raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
-    return known
+    return fitted_keys
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:
@@ -119,12 +119,12 @@ def _held_base_parameters(model: Model) -> list[str]:
 
 def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) -> Model:
     """The model with an effect at a parameter vector; the same model if it has the effect."""
-    known = {key: model.value(key) for key in model.keys}
+    values = {key: model.value(key) for key in model.keys}
     if effect.name in {present.name for present in model.effects}:
         return model
     if shape is not None:
-        known |= dict(zip(effect.keys, shape, strict=True))
-    extended = model_of(model.arm, (*model.effects, effect), known)
+        values |= dict(zip(effect.keys, shape, strict=True))
+    extended = model_of(model.arm, (*model.effects, effect), values)
     return replace(extended, free=model.free, within=model.within, state=model.state)
 
 
@@ -150,11 +150,11 @@ def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[floa
     upper = np.append(limits.upper, [values[-1] for values in tried.values()])
     both = best.model.with_free((*free, *tried))
     try:
-        found = fit(both, data, Bounds(lower, upper), loss, typical_prior(both), best.equilibrium)
-        held = fit(found.model.with_free(free), data, loss=loss, prior=best.stated, near=found.equilibrium)
+        refitted = fit(both, data, Bounds(lower, upper), loss, typical_prior(both), best.equilibrium)
+        held = fit(refitted.model.with_free(free), data, loss=loss, prior=best.stated, near=refitted.equilibrium)
     except LrmError:
         return best
-    return min(best, held, key=lambda one: error_stats(one.residual).rms)
+    return min(best, held, key=lambda candidate: error_stats(candidate.residual).rms)
 
 
 def _fit_moment(best: Fit, data: Measurements, key: str, loss: Loss) -> Fit:
@@ -170,8 +170,8 @@ def _fit_moment(best: Fit, data: Measurements, key: str, loss: Loss) -> Fit:
         moment = float(numbers[np.argmin(added)])
         if moment == best.model.value(key):
             break
-        found = fit(best.model.with_values_of([key], moment), data, loss=loss, prior=best.stated)
-        if error_stats(found.residual).rms >= error_stats(best.residual).rms:
+        refitted = fit(best.model.with_values_of([key], moment), data, loss=loss, prior=best.stated)
+        if error_stats(refitted.residual).rms >= error_stats(best.residual).rms:
             break
-        best = found
+        best = refitted
     return best

@@ -57,12 +57,12 @@ def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tup
 
     left: held-out mean square that stays unexplained after the last one.
     """
-    found: list[StepAttribution] = []
+    attributions: list[StepAttribution] = []
     for explained, step in reversed(steps):
-        found.append(StepAttribution(support_of(explained, left, step), left))
-        if found[-1].kind != Support.FINDING and not step.of_present:
+        attributions.append(StepAttribution(support_of(explained, left, step), left))
+        if attributions[-1].kind != Support.FINDING and not step.of_present:
             left += max(explained, 0.0)
-    return tuple(reversed(found))
+    return tuple(reversed(attributions))
 
 
 def unexplained_mean_square(report: DiagnosisReport) -> float:

@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, unexplained_mean_square
@@ -19,48 +18,23 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
-from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
-from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, effect_of, variants
+from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
-
-
-@dataclass(frozen=True, eq=False)
-class AutoStep:
-    """One step of `auto`.
-
-    Attributes:
-        added: `effect@place`, "" at the start. evidence: for it.
-        fit: with it. held_out: (N, 3), held-out residual with it (m). deployed: held-out error of it as deployed.
-        data: the measurements that were fitted, outliers left out.
-        freed: keys of base parameters that became identifiable with it.
-    """
-
-    added: str
-    fit: Fit
-    held_out: Array
-    deployed: DeployedError
-    data: Measurements
-    evidence: Evidence = NO_EVIDENCE
-    freed: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Causes that it can stand for (`effect@place`): the effects that a form refines, or itself; and its class."""
-        return (*(self.evidence.refines or (self.added,)), *self.evidence.equivalent)
+from lrm_math.model.step_name import ADD, StepName
 
 
 @dataclass(frozen=True, eq=False)
 class AutoRun(ShownInNotebook):
     """A run of `auto`: its steps, and the confirmed diagnosis after the last one."""
 
-    steps: tuple[AutoStep, ...]
+    steps: tuple[Step, ...]
     confirmed: ConfirmedDiagnosis
 
     def __repr__(self) -> str:
@@ -90,15 +64,17 @@ class AutoRun(ShownInNotebook):
     @property
     def explained(self) -> tuple[float, ...]:
         """Held-out mean square (m²) that each step after the start took away."""
-        squares = [error_stats(step.held_out).rms ** 2 for step in self.steps]
+        squares = [step.held_out_rms**2 for step in self.steps]
         return tuple(before - after for before, after in pairwise(squares))
 
     @property
     def attributions(self) -> tuple[StepAttribution, ...]:
         """Attributions of the steps after the start: whether each shows a cause (mean squares in m²)."""
         present = {effect.name for effect in self.model.effects}
-        known = [replace(step.evidence, of_present=bool(present & {*step.evidence.refines})) for step in self.steps[1:]]
-        steps = list(zip(self.explained, known, strict=True))
+        evidence = [
+            replace(step.evidence, of_present=bool(present & {*step.evidence.refines})) for step in self.steps[1:]
+        ]
+        steps = list(zip(self.explained, evidence, strict=True))
         return attribute_steps(steps, unexplained_mean_square(self.report))
 
 
@@ -107,7 +83,7 @@ def run_auto(
     data: Measurements,
     max_effects: int = MAX_EFFECTS,
     catalogue: Iterable[type[Effect]] = CATALOGUE,
-    on_step: Callable[[AutoStep], object] = lambda _: None,
+    on_step: Callable[[Step], object] = lambda _: None,
     loss: Loss = SQUARED,
     progress: OnProgress = silent,
     rates: EffectRates | None = None,
@@ -125,44 +101,44 @@ def run_auto(
         LrmError: the first diagnosis fails.
     """
     kinds = tuple(catalogue)
-    now = confirm(diagnose(model, data, kinds, progress, loss, rates))
+    latest = confirm(diagnose(model, data, kinds, progress, loss, rates))
     refused: tuple[str, ...] = ()
-    steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.deployed, now.diagnosis.data)]
+    steps = [_step(None, NO_EVIDENCE, None, latest)]
     on_step(steps[0])
-    while now.first is not None and now.refit is not None and len(steps) <= max_effects:
-        on_confirmed(now.refit)
-        step, refit, poses, before = _step(steps[-1], now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
-        del now  # a diagnosis holds the columns of every candidate: one at a time
+    while latest.first is not None and latest.refit is not None and len(steps) <= max_effects:
+        on_confirmed(latest.refit)
+        effect, evidence = latest.first.name, _evidence(latest, latest.first)
+        last, refit, poses, blocks = steps[-1].fit.model, latest.refit, latest.diagnosis.data.pose, latest.blocks
+        del latest  # a diagnosis holds the columns of every candidate: one at a time
         try:
-            known = refit.fit if np.array_equal(poses, data.pose) else None
-            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates, known)
-            now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
+            same_fit = refit.fit if np.array_equal(poses, data.pose) else None
+            diagnosis = diagnose(refit.fit.model, data, kinds, progress, loss, rates, same_fit)
+            latest = confirm(
+                diagnosis, refit.blocks if np.array_equal(diagnosis.data.pose, poses) else (), refused=refused
+            )
         except LrmError:  # no diagnosis with it: it is refused, and the steps before stay
-            refused = (*refused, step.added)
-            now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
+            refused = (*refused, effect)
+            latest = confirm(diagnose(last, data, kinds, progress, loss, rates), blocks, refused=refused)
             continue
-        steps.append(_taken(step, now))
+        steps.append(_step(StepName(ADD, effect), evidence, last, latest))
         on_step(steps[-1])
-    return AutoRun(tuple(steps), now)
+    return AutoRun(tuple(steps), latest)
 
 
-def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> AutoStep:
-    """The step that adds an effect after the `last` one, without the results of the diagnosis with it."""
-    equivalent = before.diagnosis.equivalent[one.name]
-    evidence = Evidence(
+def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
+    """What speaks for the effect that a diagnosis chose."""
+    equivalent = before.diagnosis.equivalent[chosen.name]
+    return Evidence(
         equivalent,
-        rivals=before.diagnosis.rivals([one.name, *equivalent]),
-        refines=variants(one.candidate.effect),
+        rivals=before.diagnosis.rivals([chosen.name, *equivalent]),
+        refines=variants(chosen.candidate.effect),
         share=before.share,
         describes=before.describes,
         replicates=before.replicates,
     )
-    return replace(last, added=one.name, evidence=evidence)
 
 
-def _taken(step: AutoStep, after: ConfirmedDiagnosis) -> AutoStep:
+def _step(name: StepName | None, evidence: Evidence, start: Model | None, after: ConfirmedDiagnosis) -> Step:
     """The step with the results of the diagnosis after it."""
-    fit, before = after.diagnosis.fit, step.fit.model.free
-    freed = tuple(key for key in fit.model.free if key not in before and effect_of(key) != step.added)
-    taken = replace(step, fit=fit, held_out=after.held_out, deployed=after.deployed)
-    return replace(taken, data=after.diagnosis.data, freed=freed)
+    held_out = HeldOutResidual(after.held_out, deployed=after.deployed)
+    return Step(name, after.diagnosis.fit, after.diagnosis.data, start, held_out=held_out, evidence=evidence)

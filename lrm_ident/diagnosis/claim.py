@@ -70,14 +70,14 @@ def claim_of(scored: ScoredCandidate, estimates: Sequence[Estimate], fitted: Fit
     claim = (sentence or f"{effect.id} at {{place}}").format(place=effect.place_in_words, **numbers)
     if fitted is not None and not any(f"{{{name}}}" in sentence for name in numbers):
         claim += f", by up to {in_mm(_largest_motion(fitted, effect))} mm at the tip"
-    acting = [one for one in estimates if one.value]
-    further = [one for one in acting if one.name not in sentence]
+    acting = [estimate for estimate in estimates if estimate.value]
+    further = [estimate for estimate in acting if estimate.name not in sentence]
     if effect.is_free_form:  # coefficients of a curve mean nothing to a reader
         return claim
-    if any(one not in further for one in acting if one.error) or not further or len(further) > TOO_MANY:
+    if any(estimate not in further for estimate in acting if estimate.error) or not further or len(further) > TOO_MANY:
         return claim
-    surest = sorted(further, key=lambda one: -abs(one.value) / max(one.error, 1e-300))[:MOST_ESTIMATES]
-    shown = [name for name in words if name in {one.name for one in surest}]
+    surest = sorted(further, key=lambda estimate: -abs(estimate.value) / max(estimate.error, 1e-300))[:MOST_ESTIMATES]
+    shown = [name for name in words if name in {estimate.name for estimate in surest}]
     meanings, more = {p.name: p.meaning for p in effect.parameters}, len(further) - MOST_ESTIMATES
     surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
     return f"{claim} ({surest_values}{f' and {more} more' if more > 0 else ''})"

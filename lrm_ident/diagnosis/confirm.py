@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
@@ -28,12 +29,14 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.later_poses import forecasts_alike, later_squares, tells_of_later
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
     MAX_WALD_P,
     MIN_GAIN,
     ONE_DEVIATION,
+    Z_THRESHOLD,
 )
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, ModelPart
@@ -160,15 +163,17 @@ def confirm(
         on_progress("cross-validating the model as it is")
         blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
     reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
-    now = select_without(diagnosis, reasons) if refused else diagnosis
+    selection = select_without(diagnosis, reasons) if refused else diagnosis
     promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
     worse = dict[str, tuple[float, float]]()
-    while now.supported and len(reasons) < MOST_REFUSED:
-        scored = now.supported[0]
+    while selection.supported and len(reasons) < MOST_REFUSED:
+        scored = selection.supported[0]
         on_progress(f"refitting with {scored.name}")
-        trial = _refit_trial(now, scored, blocks)
+        trial = _refit_trial(selection, scored, blocks)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons, worse_deployed=worse)
+            return ConfirmedDiagnosis(
+                selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse
+            )
         refuted |= trial.fitted
         if trial.worse_deployed:
             worse[scored.name] = trial.worse_deployed
@@ -176,10 +181,10 @@ def confirm(
         if trial.refit:
             break
         if trial.fitted and not scored.candidate.effect.is_free_form:
-            saved = _share_saved(scored.alone.held_out, now.squared_held_out)
+            saved = _share_saved(scored.alone.held_out, selection.squared_held_out)
             promised, rival = max((promised, rival), (saved, scored.name))
-        now = select_without(now, reasons)
-    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted, worse)
+        selection = select_without(selection, reasons)
+    return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +214,13 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
         return _Trial(None, objection)
     explains_all = not _leaves_more_than_noise(diagnosis, fitted)
     of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
-    worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
-    return _Trial(refit) if worse is None else _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
+    if of_tracker:
+        return _Trial(refit)
+    if worse := _worse_as_deployed(effect, refit, blocks):
+        return _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
+    if later := _not_better_later(effect, diagnosis.fit, fitted, data):
+        return _Trial(None, Reason(ReasonKind.NOT_BETTER_LATER, later))
+    return _Trial(refit)
 
 
 def _bends_what_it_measures(effect: Effect) -> bool:
@@ -238,6 +248,21 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     return error_stats(before).rms, error_stats(after).rms
 
 
+def _not_better_later(effect: Effect, before: Fit, after: Fit, data: Measurements) -> tuple[float, float] | None:
+    """RMS (m) of later poses predicted from those before them, without and with an effect of a session whose forecasts
+    are not surely better; None where they are, or cannot judge it.
+
+    Whether a state outlasts its session only later poses can tell. Other effects, and a change after the last forecast
+    began, are judged by the cross-validation alone.
+    """
+    if not of_a_session(effect) or effect.part is ModelPart.MEASUREMENT or not tells_of_later(data):
+        return None
+    without, with_it = later_squares(before, data), later_squares(after, data)
+    if forecasts_alike(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:
+        return None
+    return float(np.sqrt(without.mean())), float(np.sqrt(with_it.mean()))
+
+
 def objection_to_estimates(
     fitted: Fit, keys: Collection[str], before: Collection[ImplausibleEstimate]
 ) -> Reason | None:
@@ -247,8 +272,8 @@ def objection_to_estimates(
     """
     if wald_p_value(fitted, keys) > MAX_WALD_P:
         return Reason(ReasonKind.NEAR_ZERO)
-    known = {one.key for one in before}
-    new = [one.sentence for one in implausible_of(fitted) if one.key not in known]
+    keys_before = {estimate.key for estimate in before}
+    new = [estimate.sentence for estimate in implausible_of(fitted) if estimate.key not in keys_before]
     return Reason(ReasonKind.ABSURD, said=new[0]) if new else None
 
 

@@ -111,8 +111,8 @@ class Diagnosis:
             return {}
         equilibrium, rows = batch_equilibrium(self.fit.model, left_out.poses)
         distance = np.linalg.norm(left_out.tcp[rows] - equilibrium.tcp, axis=1)
-        found = zip(left_out.pose[rows].tolist(), distance.tolist(), strict=True)
-        return {number: far for number, far in found if np.isfinite(far)}
+        distances = zip(left_out.pose[rows].tolist(), distance.tolist(), strict=True)
+        return {number: far for number, far in distances if np.isfinite(far)}
 
     @property
     def verdict(self) -> Verdict:
@@ -132,18 +132,20 @@ class Diagnosis:
 
     def rivals(self, taken: Collection[str]) -> dict[str, float]:
         """Held-out RMS (m) that each of the best plausible effects not `taken` would leave alone, the least first."""
-        others = [one for one in self.scored if one.name not in taken and not one.implausible]
-        nearest = sorted(others, key=lambda one: one.alone.rms)[:RIVALS_KEPT]
-        return {one.name: float(one.alone.rms) for one in nearest}
+        others = [candidate for candidate in self.scored if candidate.name not in taken and not candidate.implausible]
+        nearest = sorted(others, key=lambda candidate: candidate.alone.rms)[:RIVALS_KEPT]
+        return {candidate.name: float(candidate.alone.rms) for candidate in nearest}
 
     @cached_property
     def motion_bounds(self) -> dict[str, float]:
         """Upper 95 % confidence bound (Scheffé 1953) of the RMS motion of the TCP (m) by each plausible effect that is
         no form, beyond what the fitted parameters explain: the estimate's and its error's. Largest first."""
         bounds = {
-            one.name: float(np.linalg.norm(one.added) + self.fit.sigma * np.sqrt(chdtri(one.parameter_count, MISSED)))
-            for one in self.scored
-            if not one.implausible and not one.candidate.effect.is_free_form
+            scored.name: float(
+                np.linalg.norm(scored.added) + self.fit.sigma * np.sqrt(chdtri(scored.parameter_count, MISSED))
+            )
+            for scored in self.scored
+            if not scored.implausible and not scored.candidate.effect.is_free_form
         }
         ordered = sorted(bounds.items(), key=lambda item: -item[1])
         return {name: bound / math.sqrt(len(self.screened)) for name, bound in ordered}
@@ -175,17 +177,17 @@ def diagnose(
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    found = screen(fitted or _fitted(model, data, loss), data, kinds, progress)
+    screening = screen(fitted or _fitted(model, data, loss), data, kinds, progress)
     left_out: tuple[int, ...] = ()
     for _ in range(MOST_ROUNDS):
-        numbers = found.outliers
+        numbers = screening.outliers
         if not numbers:
             break
         left_out += numbers
-        before, rest = found.fit.model, found.data.without(numbers)
-        del found  # it holds the columns of every candidate
-        found = screen(_fitted(before, rest, loss), rest, kinds, progress)
-    selected = _select(replace(found, rates=rates), progress)
+        before, rest = screening.fit.model, screening.data.without(numbers)
+        del screening  # it holds the columns of every candidate
+        screening = screen(_fitted(before, rest, loss), rest, kinds, progress)
+    selected = _select(replace(screening, rates=rates), progress)
     if not left_out:
         return selected
     return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
@@ -198,22 +200,24 @@ def _fitted(model: Model, data: Measurements, loss: Loss) -> Fit:
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
     """The diagnosis with effects selected anew without the refused ones (`effect@place`): others may be needed then."""
-    found = _select(diagnosis.screening, silent, refused)
-    return replace(found, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
+    selected = _select(diagnosis.screening, silent, refused)
+    return replace(selected, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
 
 
 def _select(screening: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
     """Selects effects; where all of them are spurious, their other forms are tried instead: a plain effect is selected
     before its form, and must not hide that."""
-    possible = [one for one in screening.ranked if one.name not in refused]
-    tried = [one for one in possible if one.candidate.priority == REFINEMENT or not screening.like_noise(one)]
-    found = _diagnosis_of(screening, progress, possible, tried)
-    if found.supported:
-        return found
-    names = {one.name for one in found.selected}
-    forms = [one for one in tried if names & set(variants(one.candidate.effect))]
-    instead = _diagnosis_of(screening, progress, possible, forms) if forms else found
-    return instead if instead.supported else found
+    possible = [scored for scored in screening.ranked if scored.name not in refused]
+    tried = [
+        scored for scored in possible if scored.candidate.priority == REFINEMENT or not screening.like_noise(scored)
+    ]
+    first_choice = _diagnosis_of(screening, progress, possible, tried)
+    if first_choice.supported:
+        return first_choice
+    names = {scored.name for scored in first_choice.selected}
+    forms = [scored for scored in tried if names & set(variants(scored.candidate.effect))]
+    instead = _diagnosis_of(screening, progress, possible, forms) if forms else first_choice
+    return instead if instead.supported else first_choice
 
 
 def _diagnosis_of(
@@ -224,17 +228,17 @@ def _diagnosis_of(
 ) -> Diagnosis:
     """The diagnosis that selects from the candidates `tried`, the classes of the selected ones among the `possible`."""
     whole, linear, ranked = screening.fit, screening.linear, screening.ranked
-    weights = None if screening.rates is None else screening.rates.weights([one.name for one in tried])
+    weights = None if screening.rates is None else screening.rates.weights([scored.name for scored in tried])
     selection = forward_select(screening.scored, screening.sets, linear, progress, weights, tried)
     selected = selection.effects
     return Diagnosis(
         fit=whole,
         data=screening.data,
         squared_held_out=linear.baseline.held_out,
-        scored=(*selected, *(one for one in ranked if one not in selected)),
-        adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
+        scored=(*selected, *(scored for scored in ranked if scored not in selected)),
+        adjusted_p_values=benjamini_yekutieli({scored.name: scored.p_value for scored in ranked}),
         selected=selected,
-        equivalent={one.name: equivalent_effects(selection, i, possible) for i, one in enumerate(selected)},
+        equivalent={scored.name: equivalent_effects(selection, i, possible) for i, scored in enumerate(selected)},
         unexplained=unexplained_structure(selection, screening.functions, screening.weigh),
         not_testable=screening.not_testable,
         screened=screening.screened,

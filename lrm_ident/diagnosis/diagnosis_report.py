@@ -32,10 +32,7 @@ NEXT_STEP: Mapping[Verdict, str] = {
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep or noise."
     ),
-    Verdict.NOTHING_MISSING: (
-        "Give it to lrmd, the program that drives the arm. Then check it with your tracker, here one that sends DTrack "
-        "data to port 5000."
-    ),
+    Verdict.NOTHING_MISSING: ("Give the model to lrmd, which drives the arm. Check it with a tracker."),
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
         "(noise_sd_mm), and diagnose again."
@@ -121,8 +118,8 @@ class DiagnosisReport(ShownInNotebook):
     @property
     def far_rows(self) -> tuple[int, ...]:
         """Rows of the fit's outliers, the farthest first, where the error exceeds the noise and nothing predicts it."""
-        found = self.patterns.predictable.more_to_find or self.diagnosis.unexplained.functions
-        if found or self.verdict not in (Verdict.UNEXPLAINED_STRUCTURE, Verdict.UNPREDICTABLE):
+        structured = self.patterns.predictable.more_to_find or self.diagnosis.unexplained.functions
+        if structured or self.verdict not in (Verdict.UNEXPLAINED_STRUCTURE, Verdict.UNPREDICTABLE):
             return ()
         fit = self.diagnosis.fit
         return tuple(sorted(fit.outliers, key=lambda row: -float(np.linalg.norm(fit.residual[row]))))
@@ -145,8 +142,8 @@ def build_report(
 
 def _same_fit(diagnosis: Diagnosis, compared: ModelComparison) -> bool:
     """Whether the cross-validation of a comparison is that of the diagnosed fit."""
-    one, other = compared.equilibrium.model, diagnosis.fit.model
-    same = set(one.keys) == set(other.keys) and set(one.free) == set(other.free)
+    mine, other = compared.equilibrium.model, diagnosis.fit.model
+    same = set(mine.keys) == set(other.keys) and set(mine.free) == set(other.free)
     refitted = compared.held_out.residual is not None
     return same and refitted and np.array_equal(compared.data.pose, diagnosis.data.pose)
 
@@ -172,7 +169,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         fitted=error_stats(diagnosis.fit.residual),
         held_out=before,
         deployed=confirmed.deployed,
-        ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
+        ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),
         hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
@@ -185,8 +182,10 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
 def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
     """Candidates in the order of the ranking: supported ones, those equivalent to the first, others by held-out RMS."""
     equivalent = diagnosis.equivalent[supported[0].name] if supported else ()
-    rest = [one for one in diagnosis.scored if one not in supported]
-    rest.sort(key=lambda one: (one.name not in equivalent, bool(one.implausible), one.alone.rms))
+    rest = [candidate for candidate in diagnosis.scored if candidate not in supported]
+    rest.sort(
+        key=lambda candidate: (candidate.name not in equivalent, bool(candidate.implausible), candidate.alone.rms)
+    )
     return [*supported, *rest]
 
 
@@ -196,7 +195,9 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     refit = confirmed.refit if scored in supported[:1] else None
     fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
     estimates = screened_estimates(scored) if fitted is None else fitted_estimates(scored, fitted)
-    leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
+    leaders = tuple(
+        candidate.name for candidate in supported[:1] if scored.name in diagnosis.equivalent[candidate.name]
+    )
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict = Support.NO_EVIDENCE
     none = ReasonKind.UNCONFIRMED if confirmed.refused else ReasonKind.CHANCE
@@ -220,7 +221,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
 def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:
     """One sentence on which poses would distinguish the first supported effect, if any, from its equivalents."""
     kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
-    names = [name for one in first for name in (one.name, *diagnosis.equivalent[one.name])]
+    names = [name for candidate in first for name in (candidate.name, *diagnosis.equivalent[candidate.name])]
     if not names:
         return "Repeat a few poses to know the noise, and measure in random order with two loads."
     plain = [name for name in names if name in kinds]

@@ -52,19 +52,19 @@ class EffectPairs:
         """Each of the best rivals with its best partner, and their estimate together; the best first."""
         if len(self._rivals) < 2:
             return []
-        alone = sorted((self.screened[row] for row in self._rivals), key=lambda one: self.beside[one.name].rms)
-        found = [(one, *self._with_partner(one)) for one in alone[:STARTS]]
-        return sorted((((one, other), both) for one, other, both in found), key=lambda pair: pair[1].rms)
+        alone = sorted((self.screened[row] for row in self._rivals), key=lambda scored: self.beside[scored.name].rms)
+        pairs = [(scored, *self._with_partner(scored)) for scored in alone[:STARTS]]
+        return sorted((((scored, other), both) for scored, other, both in pairs), key=lambda pair: pair[1].rms)
 
     @cached_property
     def _rivals(self) -> list[int]:
         """Numbers of the plausible effects of arm and installation; free forms of the installation alone."""
         return [
             number
-            for number, one in enumerate(self.screened)
-            if not one.implausible
-            and one.candidate.effect.part is not ModelPart.MEASUREMENT
-            and (one.candidate.priority != FORM or one.candidate.effect.part is ModelPart.INSTALLATION)
+            for number, scored in enumerate(self.screened)
+            if not scored.implausible
+            and scored.candidate.effect.part is not ModelPart.MEASUREMENT
+            and (scored.candidate.priority != FORM or scored.candidate.effect.part is ModelPart.INSTALLATION)
         ]
 
     def _with_partner(self, one: ScoredCandidate) -> tuple[ScoredCandidate, LinearEstimate]:

@@ -81,10 +81,10 @@ def forward_select(
     """
     ranked = screened if possible is None else possible
     selected: list[ScoredCandidate] = []
-    fit, estimates = linear, [one.alone for one in screened]
+    fit, estimates = linear, [scored.alone for scored in screened]
     steps: list[SelectionStep] = []
     while True:
-        step = SelectionStep(fit, dict(zip((one.name for one in screened), estimates, strict=True)))
+        step = SelectionStep(fit, dict(zip((scored.name for scored in screened), estimates, strict=True)))
         steps.append(step)
         progress(1 + len(selected), MOST_SELECTED)
         full = len(selected) == MOST_SELECTED
@@ -107,26 +107,30 @@ def _next_effect(
     pairs: EffectPairs,
 ) -> ScoredCandidate | None:
     """The effect to add, if any."""
-    priority = {one.name: _priority(one, selected) for one in ranked}
-    refinements = [one for one in ranked if _is_form_of_present(one, priority) and one not in selected]
-    choices = [one for one in _significant(ranked, step, start, expected) if one.scored not in selected]
+    priority = {candidate.name: _priority(candidate, selected) for candidate in ranked}
+    refinements = [
+        candidate for candidate in ranked if _is_form_of_present(candidate, priority) and candidate not in selected
+    ]
+    choices = [
+        candidate for candidate in _significant(ranked, step, start, expected) if candidate.scored not in selected
+    ]
     formed: dict[tuple[str, ...], LinearisedFit] = {}
     while choices:
         simple = _parsimonious(choices, priority, len(step.linear.residual))
         best = _most_helpful(simple, step.linear.baseline, priority, expected)
         choice = best if priority[best.scored.name] < FORM else _plain_effect_of(best, choices)
         if pair := _pair_instead_of(choice.scored, pairs):
-            choices = [one for one in choices if one.scored is not choice.scored]
-            if not (members := [one for one in choices if one.scored in pair]):
+            choices = [candidate for candidate in choices if candidate.scored is not choice.scored]
+            if not (members := [candidate for candidate in choices if candidate.scored in pair]):
                 continue
-            choice = min(members, key=lambda one: one.estimate.rms)
-        chosen, left_out = choice.scored, [one.scored for one in choices if one not in simple]
-        forms = [one for one in refinements if one not in left_out]
+            choice = min(members, key=lambda candidate: candidate.estimate.rms)
+        chosen, left_out = choice.scored, [candidate.scored for candidate in choices if candidate not in simple]
+        forms = [candidate for candidate in refinements if candidate not in left_out]
         if priority[chosen.name] == REFINEMENT or not forms:
             return chosen
-        names = tuple(one.name for one in forms)
+        names = tuple(candidate.name for candidate in forms)
         if names not in formed:
-            formed[names] = step.linear.beside(*(one.projected for one in forms))
+            formed[names] = step.linear.beside(*(candidate.projected for candidate in forms))
         by_forms = formed[names]
         if paired_z(choice.estimate.held_out, by_forms.baseline.held_out) > Z_THRESHOLD:
             return chosen
@@ -146,12 +150,12 @@ def _significant(
 ) -> Iterator[Choice]:
     """The plausible candidates that are significant and predict better."""
     before, freedom, tests = step.linear.baseline, step.linear.degrees_of_freedom, yekutieli_factor(len(ranked))
-    for one in ranked:
-        tried = step.beside[one.name]
-        p_value = f_test_p_value(before.in_sample, tried.in_sample, one.size, freedom)
-        adjusted = p_value * tests * one.candidate.trials / expected.get(one.name, 1.0)
-        if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, before, start):
-            yield Choice(tried, one)
+    for scored in ranked:
+        tried = step.beside[scored.name]
+        p_value = f_test_p_value(before.in_sample, tried.in_sample, scored.size, freedom)
+        adjusted = p_value * tests * scored.candidate.trials / expected.get(scored.name, 1.0)
+        if not scored.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, before, start):
+            yield Choice(tried, scored)
 
 
 def _priority(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
@@ -203,8 +207,8 @@ def _most_helpful(
 def _plain_effect_of(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     """The best plain effect of which a form is another form, if one is among the choices; else the form itself."""
     names = variants(chosen.scored.candidate.effect)
-    plain = [one for one in choices if one.scored.name in names]
-    return min(plain, key=lambda one: one.estimate.rms, default=chosen)
+    plain = [choice for choice in choices if choice.scored.name in names]
+    return min(plain, key=lambda choice: choice.estimate.rms, default=chosen)
 
 
 def improves_prediction(after: LinearEstimate, before: LinearEstimate, start: LinearEstimate) -> bool:
@@ -217,18 +221,18 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
 
     Forms of effects that the model does not have are left out, as they name no cause.
     """
-    one, step = selection.effects[number], selection.steps[number]
-    without, with_it = step.linear.baseline, step.beside[one.name]
+    scored, step = selection.effects[number], selection.steps[number]
+    without, with_it = step.linear.baseline, step.beside[scored.name]
     gain = float(without.held_out.mean() - with_it.held_out.mean())
-    alike = _sharing_a_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].linear.baseline)
+    alike = _sharing_a_form(scored, with_it, selection.steps[number + 1], ranked, selection.steps[0].linear.baseline)
     equivalent = []
     for rival in ranked:
-        if rival is one or rival.implausible or rival.candidate.priority == FORM:
+        if rival is scored or rival.implausible or rival.candidate.priority == FORM:
             continue
         instead = step.beside[rival.name]
         saved = float(without.held_out.mean() - instead.held_out.mean())
         if (rival.name in alike and falls_by_share(instead.held_out, without.held_out, MIN_GAIN)) or (
-            saved > EQUIVALENT_GAIN * gain and _inseparable(one, with_it, rival, instead)
+            saved > EQUIVALENT_GAIN * gain and _inseparable(scored, with_it, rival, instead)
         ):
             equivalent.append(rival.name)
     return tuple(equivalent)
@@ -251,9 +255,9 @@ def _sharing_a_form(
 ) -> set[str]:
     """Effects that share with `one` a form that still improves the prediction: its formula is wrong, and then formulas
     do not tell them apart."""
-    found: set[str] = set()
+    names_sharing: set[str] = set()
     for form in ranked:
         plain = variants(form.candidate.effect)
         if one.name in plain and improves_prediction(after.beside[form.name], with_it, start):
-            found.update(plain)
-    return found
+            names_sharing.update(plain)
+    return names_sharing

@@ -109,9 +109,9 @@ def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
         truth = solve_equilibrium(model_of(arm, (*base.effects, effect), values), plan.poses).tcp
         number, tcp = np.arange(1, len(truth) + 1), truth + rng.normal(0, plan.noise, truth.shape)
         data = Measurements(plan.poses, number, tcp, None, plan.noise, number, Path("injected"), "")
-        found = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)
+        diagnosis = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)
     except LrmError as error:
         return InjectionTrial(name, float("nan"), None, error=str(error))
-    first = [one.name for one in found.supported[:1] if found.verdict == Verdict.EFFECT_MISSING]
-    named = tuple(name for one in first for name in (one, *found.equivalent[one]))
-    return InjectionTrial(name, error_stats(truth - without).rms, found.verdict, named)
+    first = [candidate.name for candidate in diagnosis.supported[:1] if diagnosis.verdict == Verdict.EFFECT_MISSING]
+    named = tuple(name for effect in first for name in (effect, *diagnosis.equivalent[effect]))
+    return InjectionTrial(name, error_stats(truth - without).rms, diagnosis.verdict, named)

@@ -51,10 +51,10 @@ def nested_held_out(
     predict = partial(_predict, model, data, max_effects, catalogue, loss, rates)
     residual, deployed, chosen, last = np.empty_like(data.tcp), np.empty_like(data.tcp), [], np.arange(len(data))
     try:
-        for out, found in zip(parts, in_order(executor, predict, parts, progress), strict=True):
-            residual[out], deployed[out] = found.residual, found.deployed
-            chosen.append(found.chosen)
-            last = np.intersect1d(last, rows_as_deployed(found.model, data.poses))
+        for out, predicted in zip(parts, in_order(executor, predict, parts, progress), strict=True):
+            residual[out], deployed[out] = predicted.residual, predicted.deployed
+            chosen.append(predicted.chosen)
+            last = np.intersect1d(last, rows_as_deployed(predicted.model, data.poses))
     except LrmError as error:
         return NestedResidual(None, str(error))
     return NestedResidual(residual, deployed=DeployedError.of_residual(deployed, last), chosen=tuple(chosen))
@@ -82,5 +82,5 @@ def _predict(
     """The fold of an `auto` that does not see the poses `out`."""
     run, unseen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates), data.take(out)
     deployed = as_deployed_at(run.model, unseen.poses)
-    left = [unseen.position_error(solve_equilibrium(m, unseen.poses)) for m in (run.model, deployed)]
-    return _Fold(run.model, left[0], left[1], tuple(step.added for step in run.steps[1:]))
+    errors = [unseen.position_error(solve_equilibrium(m, unseen.poses)) for m in (run.model, deployed)]
+    return _Fold(run.model, errors[0], errors[1], tuple(step.added for step in run.steps[1:]))

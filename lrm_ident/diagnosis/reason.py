@@ -38,6 +38,8 @@ class ReasonKind(StrEnum):
     NOT_REFITTED = "not_refitted"
     """Said: why."""
     WORSE_DEPLOYED = "worse_as_deployed"
+    NOT_BETTER_LATER = "later_poses_not_surely_better"
+    """Numbers: RMS of later poses predicted from those before them, without and with it (m)."""
     NOT_BETTER = "not_surely_better"
     """Numbers: held-out RMS before and after the refit (m)."""
     LESS_THAN_PROMISED = "less_than_promised"
@@ -84,6 +86,11 @@ class Reason:
                 return f"alone it would leave {sizes[0]} mm{why}"
             case ReasonKind.NOT_BETTER:
                 return f"refitted, it does not surely predict better: {sizes[0]} mm held out, {sizes[1]} with it"
+            case ReasonKind.NOT_BETTER_LATER:
+                return (
+                    "it fits this session, but from earlier poses it does not surely predict the later ones better: "
+                    f"{sizes[0]} mm as deployed, {sizes[1]} with it"
+                )
             case ReasonKind.LESS_THAN_PROMISED:
                 return f"it saves far less than {named(self.names[0])} promised, which its refit refused"
             case ReasonKind.HARDLY_MOVES:
@@ -93,14 +100,13 @@ class Reason:
                 return SENTENCES[self.kind].format(said=self.said)
 
     def _explains(self, named: Callable[[str], str]) -> str:
-        (before, after), (own, *equivalent) = self.numbers, self.names
+        (before, after), (effect, *equivalent) = self.numbers, self.names
         better = f"{self.said}: the held-out error falls {fall(before, after)} mm"
         if not equivalent:
             return better
         rivals = ", ".join(map(named, equivalent[:RIVALS_NAMED]))
-        return (
-            f"if it is {named(own)}, {better}; these poses cannot distinguish it from {rivals}; several may be present"
-        )
+        told = f"these poses cannot distinguish it from {rivals}; several may be present"
+        return f"if it is {named(effect)}, {better}; {told}"
 
 
 SENTENCES = {

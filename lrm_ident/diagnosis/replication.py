@@ -35,8 +35,8 @@ def replicates(screening: Screening, one: ScoredCandidate, equivalent: Collectio
         and other.candidate.priority != FORM
         and not other.candidate.effect.is_free_form
     ]
-    own = screening.scored.index(one)
-    return all(_chosen(screening, halves, own, rivals) for halves in _halves(screening, one))
+    row = screening.scored.index(one)
+    return all(_chosen(screening, halves, row, rivals) for halves in _halves(screening, one))
 
 
 def _halves(screening: Screening, one: ScoredCandidate) -> Iterator[Halves]:
@@ -56,18 +56,22 @@ def _chosen(screening: Screening, halves: Halves, own: int, rivals: Collection[i
     columns = np.empty_like(screening.sets.columns)
     columns[screening.linear.order] = screening.sets.columns
     estimates = linear.explain_each(linear.in_folds(columns[linear.order], screening.sets.stacks))
-    found, before = estimates[own].held_out, linear.baseline.held_out
+    held_out, before = estimates[own].held_out, linear.baseline.held_out
     for half in halves:
-        if paired_z(found[half], before[half]) < ONE_DEVIATION:
+        if paired_z(held_out[half], before[half]) < ONE_DEVIATION:
             return False
-        if any(paired_z(estimates[number].held_out[half], found[half]) > Z_THRESHOLD for number in rivals):
+        if any(paired_z(estimates[number].held_out[half], held_out[half]) > Z_THRESHOLD for number in rivals):
             return False
     return True
 
 
 def _in_halves(linear: LinearisedFit, halves: Halves) -> LinearisedFit:
     """The same fit, its folds two halves."""
-    known, prior = slice(0, linear.measured), slice(linear.measured, None)
+    measured, prior = slice(0, linear.measured), slice(linear.measured, None)
     return linearise(
-        linear.basis[known], linear.residual[known], halves, linear.sigma, (linear.basis[prior], linear.residual[prior])
+        linear.basis[measured],
+        linear.residual[measured],
+        halves,
+        linear.sigma,
+        (linear.basis[prior], linear.residual[prior]),
     )

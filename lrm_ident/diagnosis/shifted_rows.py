@@ -38,14 +38,14 @@ def shifted_rows(pose: NDArray[np.int64], measured: Array, predicted: Array, lim
         pose: (N,), numbers of the poses, in order. measured, predicted: (N, 3), m; NaN where not known.
     """
     far = np.linalg.norm(measured - predicted, axis=1) > limit
-    found = []
+    shifts = []
     for shift in SHIFTS:
         neighbour = np.full_like(predicted, np.nan)
         rows = np.arange(max(shift, 0), len(pose) + min(shift, 0))
         neighbour[rows] = predicted[rows - shift]
         fits = far & (np.linalg.norm(measured - neighbour, axis=1) < limit)
-        found += [ShiftedRows(int(pose[a]), int(pose[b]), shift) for a, b in _runs(fits) if b - a + 1 >= FEWEST]
-    return tuple(sorted(found, key=lambda one: one.first))
+        shifts += [ShiftedRows(int(pose[a]), int(pose[b]), shift) for a, b in _runs(fits) if b - a + 1 >= FEWEST]
+    return tuple(sorted(shifts, key=lambda shifted: shifted.first))
 
 
 def _runs(rows: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:

@@ -41,9 +41,14 @@ class UnexplainedStructure:
     def ranking(self) -> tuple[tuple[FreeFunction, float], ...]:
         """The best functions by held-out RMS (m), which is computed for those of least AIC (Akaike 1974)."""
         count = len(self.fit.residual)
-        likely = sorted(self.in_sample, key=lambda one: count * np.log(self.in_sample[one]) + 2 * one.size)[:LIKELY]
+        likely = sorted(
+            self.in_sample, key=lambda function: count * np.log(self.in_sample[function]) + 2 * function.size
+        )[:LIKELY]
         tried = _explained(likely, self.fit, self.weigh)
-        return tuple((one, tried[one].rms) for one in sorted(likely, key=lambda one: tried[one].rms)[:RANKED])
+        return tuple(
+            (function, tried[function].rms)
+            for function in sorted(likely, key=lambda function: tried[function].rms)[:RANKED]
+        )
 
 
 def unexplained_structure(
@@ -89,12 +94,17 @@ def _saves_as_much(after: LinearEstimate, best: LinearEstimate, before: LinearEs
 
 def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:
     """Weighted columns of each function, the fit's projected out."""
-    return fit.project_each((weigh(one.columns) for one in functions), [one.size for one in functions])
+    return fit.project_each(
+        (weigh(function.columns) for function in functions), [function.size for function in functions]
+    )
 
 
 def _by_place(functions: Sequence[FreeFunction]) -> list[list[FreeFunction]]:
     """Functions grouped by place, since the columns of all together need much memory."""
-    return [[one for one in functions if one.place == place] for place in {one.place: None for one in functions}]
+    return [
+        [function for function in functions if function.place == place]
+        for place in {function.place: None for function in functions}
+    ]
 
 
 def _explained(
@@ -102,18 +112,18 @@ def _explained(
 ) -> dict[FreeFunction, LinearEstimate]:
     """Linear estimate of each function alone beside the fit."""
     return {
-        one: estimate
-        for own in _by_place(functions)
-        for one, estimate in zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True)
+        function: estimate
+        for here in _by_place(functions)
+        for function, estimate in zip(here, fit.explain_each(_projected(here, fit, weigh)), strict=True)
     }
 
 
 def _squares(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> dict[FreeFunction, float]:
     """Residual sum of squares (m²) that each function would leave alone, in the sample."""
     return {
-        one: squares
-        for own in _by_place(functions)
-        for one, squares in zip(own, fit.residual_squares([weigh(f.columns) for f in own]).tolist(), strict=True)
+        function: squares
+        for here in _by_place(functions)
+        for function, squares in zip(here, fit.residual_squares([weigh(f.columns) for f in here]).tolist(), strict=True)
     }
 
 
@@ -123,14 +133,16 @@ def _select_free(in_sample: Mapping[FreeFunction, float], fit: LinearisedFit, we
     Only functions that save enough in the sample to be `PROMISING` are cross-validated.
     """
     chosen: list[FreeFunction] = []
-    left = {one: squares for one, squares in in_sample.items() if not one.in_catalogue}
+    candidates = {function: squares for function, squares in in_sample.items() if not function.in_catalogue}
     while len(chosen) < MAX_FREE_FUNCTIONS:
         most = fit.baseline.in_sample * (1.0 - PROMISING * (1.0 - (1.0 - MIN_FREE_GAIN) ** 2))
-        tried = _explained([one for one, squares in left.items() if squares < most], fit, weigh)
-        best = min(tried, key=lambda one: tried[one].rms, default=None)
+        tried = _explained([function for function, squares in candidates.items() if squares < most], fit, weigh)
+        best = min(tried, key=lambda function: tried[function].rms, default=None)
         if best is None or not predicts_better(tried[best].held_out, fit.baseline.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
         fit = fit.beside(_projected([best], fit, weigh))
-        left = _squares([one for one in left if one is not best and one.place == best.place], fit, weigh)
+        candidates = _squares(
+            [function for function in candidates if function is not best and function.place == best.place], fit, weigh
+        )
     return chosen

@@ -86,9 +86,9 @@ def held_out_folds(data: Measurements) -> NDArray[np.int64]:
     for number in np.unique(data.poses.placement):
         rows = np.flatnonzero(data.poses.placement == number)
         q, repeat_of = data.poses.q[rows], data.repeat_of[rows]
-        own = joint_space_folds(q, repeat_of, min(FOLDS, int(_groups(q, repeat_of, 1).max()) + 1))
-        fold[rows] = (own + begun) % FOLDS
-        begun += int(own.max()) + 1
+        folds = joint_space_folds(q, repeat_of, min(FOLDS, int(_groups(q, repeat_of, 1).max()) + 1))
+        fold[rows] = (folds + begun) % FOLDS
+        begun += int(folds.max()) + 1
     return np.unique(fold, return_inverse=True)[1].reshape(-1)
 
 
@@ -202,9 +202,9 @@ def _blocks(
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        left = _at_rows(data, rows).position_error(equilibrium)
+        error = _at_rows(data, rows).position_error(equilibrium)
         turn, deployed = part.turn_error(unseen), _deployed_residuals(part, equilibrium)
-        blocks.append(HeldOutBlock(rows[~held], test, left[~held], left[held], weighted, turn, *deployed))
+        blocks.append(HeldOutBlock(rows[~held], test, error[~held], error[held], weighted, turn, *deployed))
         progress(number + 1, len(splits))
     return tuple(blocks)
 
@@ -230,8 +230,8 @@ def _refitted(
 ) -> Iterator[Equilibrium]:
     """Equilibria of fits to the training rows of each split, at its `predicted` rows."""
     for split in splits:
-        found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), split.test)), bounds, loss, prior)
-        yield solve_equilibrium(found.model, _at_rows(data, split.predicted).poses)
+        refitted = fit(model, data.take(np.setdiff1d(np.arange(len(data)), split.test)), bounds, loss, prior)
+        yield solve_equilibrium(refitted.model, _at_rows(data, split.predicted).poses)
 
 
 def one_step_fits(

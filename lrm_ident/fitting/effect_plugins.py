@@ -28,14 +28,14 @@ def catalogue_with(file: str | Path | None) -> Catalogue:
 
     Raises `FileError`: the file cannot be run, defines no effect, or one whose id is taken.
     """
-    found: list[type[Effect]] = [*CATALOGUE, *(point.load() for point in entry_points(group=ENTRY_POINTS))]
+    kinds: list[type[Effect]] = [*CATALOGUE, *(point.load() for point in entry_points(group=ENTRY_POINTS))]
     if file is not None:
-        taken = {kind.id for kind in found}
+        taken = {kind.id for kind in kinds}
         for kind in effects_in(Path(file)):
             if kind.id in taken:
                 raise FileError(str(file), f"class {kind.__name__}", f"id '{kind.id}' is taken", "choose another one")
-            found.append(kind)
-    return tuple(found)
+            kinds.append(kind)
+    return tuple(kinds)
 
 
 def effects_in(file: Path) -> list[type[Effect]]:
@@ -64,8 +64,8 @@ def effects_in(file: Path) -> list[type[Effect]]:
 def file_of(effects: Sequence[Effect]) -> Path | None:
     """The Python file of the user that defines one of these effects, if any does."""
     modules = {type(effect).__module__ for effect in effects}
-    found = [sys.modules[name].__file__ for name in sorted(modules) if name.startswith(USER_MODULE)]
-    return Path(found[0]) if found and found[0] else None
+    files = [sys.modules[name].__file__ for name in sorted(modules) if name.startswith(USER_MODULE)]
+    return Path(files[0]) if files and files[0] else None
 
 
 def sha256_of(file: Path) -> str:

@@ -195,17 +195,17 @@ def version_faults(here: Mapping[str, Any], workers: Mapping[str, Mapping[str, A
     Args:
         here, workers: what `distributed.Client.get_versions` returns of the client and of each worker.
     """
-    found, own = [], here["packages"]
-    for address, known in sorted(workers.items()):
-        theirs = {} if known is None else known["packages"]
+    faults, ours = [], here["packages"]
+    for address, there in sorted(workers.items()):
+        theirs = {} if there is None else there["packages"]
         for package in SAME_VERSION:
-            if theirs.get(package) != own.get(package):
-                found.append(
-                    f"worker {address} has {package} {theirs.get(package) or 'missing'}, here {own.get(package)}"
+            if theirs.get(package) != ours.get(package):
+                faults.append(
+                    f"worker {address} has {package} {theirs.get(package) or 'missing'}, here {ours.get(package)}"
                 )
-        if _minor(theirs.get("python")) != _minor(own["python"]):
-            found.append(f"worker {address} runs Python {_minor(theirs.get('python'))}, here {_minor(own['python'])}")
-    return found
+        if _minor(theirs.get("python")) != _minor(ours["python"]):
+            faults.append(f"worker {address} runs Python {_minor(theirs.get('python'))}, here {_minor(ours['python'])}")
+    return faults
 
 
 def _minor(python: str | None) -> str:

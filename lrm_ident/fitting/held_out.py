@@ -72,9 +72,9 @@ def held_out_squares(blocks: Sequence[HeldOutBlock]) -> Array:
 
 def _in_order(blocks: Sequence[HeldOutBlock], parts: Sequence[Array | None]) -> Array | None:
     """(N, R), values (n, R) at the `test` rows of each block in the order of the poses; None where a block has none."""
-    known = [part for part in parts if part is not None]
-    if not known or len(known) < len(blocks):
+    present = [part for part in parts if part is not None]
+    if not present or len(present) < len(blocks):
         return None
-    out = np.empty((sum(map(len, known)), known[0].shape[1]))
-    out[np.concatenate([block.test for block in blocks])] = np.concatenate(known)
+    out = np.empty((sum(map(len, present)), present[0].shape[1]))
+    out[np.concatenate([block.test for block in blocks])] = np.concatenate(present)
     return out

@@ -137,11 +137,11 @@ def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[in
     dropped = []
     for j, column in enumerate(np.ascontiguousarray(columns.T)):
         basis = rows[: len(kept)]
-        left = column - (basis @ column) @ basis
-        left -= (basis @ left) @ basis  # again, against round-off
-        independent = float(np.linalg.norm(left))
+        remainder = column - (basis @ column) @ basis
+        remainder -= (basis @ remainder) @ basis  # again, against round-off
+        independent = float(np.linalg.norm(remainder))
         if independent > max(0.0 if j < given else MIN_T * noise, ROUND_OFF * float(np.linalg.norm(column))):
-            rows[len(kept)] = left / independent
+            rows[len(kept)] = remainder / independent
             kept.append(j)
         else:
             dropped.append((j, independent))
@@ -154,8 +154,8 @@ def expected_noise(equilibrium: Equilibrium, keys: Sequence[str], data: Measurem
     residual = whitening(data.residual(equilibrium))
     rows = compress(equilibrium, keys, whitening, np.full((1, 1), whitening.unit), residual)
     step, _, rank, _ = np.linalg.lstsq(rows.columns, rows.residual, rcond=ROUND_OFF)
-    left = rows.residual - rows.columns @ step
-    return float(np.sqrt(left @ left / max(data.measured_rows - int(rank), 1)))
+    remainder = rows.residual - rows.columns @ step
+    return float(np.sqrt(remainder @ remainder / max(data.measured_rows - int(rank), 1)))
 
 
 def _columns(equilibrium: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:

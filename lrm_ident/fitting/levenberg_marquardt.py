@@ -89,9 +89,9 @@ class Fit(ShownInNotebook):
         where it has no prior."""
         out = np.full(len(self.model.free), np.nan)
         if self.stated is not None:
-            known = [row for row, key in enumerate(self.model.free) if key in self.stated.keys]
-            prior = self.stated.sd_of([self.model.free[row] for row in known])
-            out[known] = 1.0 - (self.standard_error[known] / prior) ** 2
+            stated_rows = [row for row, key in enumerate(self.model.free) if key in self.stated.keys]
+            prior = self.stated.sd_of([self.model.free[row] for row in stated_rows])
+            out[stated_rows] = 1.0 - (self.standard_error[stated_rows] / prior) ** 2
         return out
 
     @property
@@ -127,8 +127,8 @@ def fit(
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
     data = data.borne_by(model)
     start = solve_equilibrium(model, data.poses, near)
-    known = None if prior is None else prior.within
-    model = replace(model, within=known or measured_range(start), fitted_to=data.sha256)
+    prior_within = None if prior is None else prior.within
+    model = replace(model, within=prior_within or measured_range(start), fitted_to=data.sha256)
     if model.binding.distorting:  # about the centre of these poses, not of those that the start was fitted to
         start = solve_equilibrium(model, data.poses, start)
     limits = bounds or bounds_of(model, model.free)
@@ -136,9 +136,9 @@ def fit(
     objective = Objective(model, data, loss, smooth.prior)
     scaled = Bounds(limits.lower / objective.typical, limits.upper / objective.typical)
     search = LevenbergMarquardt(objective, smooth, scaled, IDLE_STEPS, start)
-    found = _fit_of(search.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR))
-    check_arm(found.equilibrium, model.free)
-    return found
+    fitted = _fit_of(search.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR))
+    check_arm(fitted.equilibrium, model.free)
+    return fitted
 
 
 def implausible_of(fitted: Fit) -> tuple[ImplausibleEstimate, ...]:

@@ -71,11 +71,11 @@ def fit_model(
 def _left(found: Fit, data: Measurements) -> str:
     """Residual of a fit without parameters, in words, and its outliers, if these are few."""
     stats, far = error_stats(found.residual), data.pose[list(found.outliers)].tolist()
-    left = f"{stats.rms * 1e3:.1f} mm RMS are left"
+    words = f"{stats.rms * 1e3:.1f} mm RMS are left"
     if not 0 < len(far) < FEW_OUTLIERS * len(data):
-        return f"{left}; {CHECK}"
+        return f"{words}; {CHECK}"
     which = f"{stats.max * 1e3:.0f} mm at most, of pose: {enumerate_words([str(pose) for pose in far], LISTED)}"
-    return f"{left}, {which}; try --leave-out {','.join(map(str, far))}, or --loss cauchy"
+    return f"{words}, {which}; try --leave-out {','.join(map(str, far))}, or --loss cauchy"
 
 
 def _set_up(key: str) -> bool:
@@ -96,8 +96,8 @@ def _fit_named(
         )
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
-        known = {*fittable(model), *prior.keys}
-        keys = tuple(key for key in model.keys if key in known)
+        fitted_or_stated = {*fittable(model), *prior.keys}
+        keys = tuple(key for key in model.keys if key in fitted_or_stated)
     free = replace(model, free=keys)
     return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), data)
 

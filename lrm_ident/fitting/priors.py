@@ -167,13 +167,13 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
     Patterns match all parameters but shapes; a shape parameter has a prior only where the file has its whole key. The
     anchor of measured distances has none, since it is no property of the arm.
     """
-    known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FREE_FORMS))
+    possible_keys = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FREE_FORMS))
     for pattern in file.parameters:
-        if not any(fnmatchcase(key, pattern) for key in known):
+        if not any(fnmatchcase(key, pattern) for key in possible_keys):
             raise FileError(
-                path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
+                path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(possible_keys))
             )
-    every = [one for one in zip(model.keys, model.parameters, strict=True) if not of_the_set_up(one[0])]
+    every = [keyed for keyed in zip(model.keys, model.parameters, strict=True) if not of_the_set_up(keyed[0])]
     named = [(key, p) for key, p in every if p.fixed is None or key in file.parameters]
     means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
     keys = tuple(key for key, _ in named)
@@ -199,12 +199,12 @@ def weak_prior(model: Model) -> Prior:
 def with_range_priors(prior: Prior | None, model: Model, shapes: Sequence[str]) -> Prior:
     """A prior extended by shape parameters that it lacks: independent Gaussians with the mean and the variance of a
     uniform distribution over the range in which each is searched."""
-    known = Prior("ranges", (), np.empty(0), np.empty((0, 0))) if prior is None else prior
-    keys = tuple(key for key in shapes if key not in known.keys)
+    stated = Prior("ranges", (), np.empty(0), np.empty((0, 0))) if prior is None else prior
+    keys = tuple(key for key in shapes if key not in stated.keys)
     ends = np.array([(min(scan), max(scan)) for scan in (model.parameter(key).scan for key in keys)]).reshape(-1, 2)
-    covariance = np.diag(np.append(np.zeros(len(known.keys)), np.ptp(ends, axis=1) ** 2 / 12.0))
-    covariance[: len(known.keys), : len(known.keys)] = known.covariance
-    return Prior(known.name, (*known.keys, *keys), np.append(known.mean, ends.mean(axis=1)), covariance)
+    covariance = np.diag(np.append(np.zeros(len(stated.keys)), np.ptp(ends, axis=1) ** 2 / 12.0))
+    covariance[: len(stated.keys), : len(stated.keys)] = stated.covariance
+    return Prior(stated.name, (*stated.keys, *keys), np.append(stated.mean, ends.mean(axis=1)), covariance)
 
 
 def prior_name_for(name_or_path: str) -> str:

@@ -95,16 +95,16 @@ def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) 
     if words := arm_part_difference(model.arm, arm):
         raise LrmError(f"not the same arm: {words}; only base, tool, gravity and joint limits may differ")
     lasting = named_part(as_deployed(model))
-    own = [replace(effect, arm=arm) for effect in lasting.effects if effect.part is ModelPart.ARM]
-    there = model_of(arm, own, _values(lasting, own))
+    arm_effects = [replace(effect, arm=arm) for effect in lasting.effects if effect.part is ModelPart.ARM]
+    there = model_of(arm, arm_effects, _values(lasting, arm_effects))
     installation = installed_effects(arm, lasting.effects)
-    target = model_of(arm, (*own, *installation), _values(there, own))
+    target = model_of(arm, (*arm_effects, *installation), _values(there, arm_effects))
     free = fittable(model_of(arm, installation))
     certain = Covariance((), np.empty((0, 0))) if known is None else known.marginal(model, there)
     known = _covariance(target, certain, free)
     within = None if lasting.within is None else replace(lasting.within, tcp=None, centre=None)
     moved = replace(target, within=within, fitted_to=model.fitted_to, free=known.keys)
-    names = {effect.name for effect in own}
+    names = {effect.name for effect in arm_effects}
     said = "" if model.state is None else model.state.sentence
     behind = tuple(effect.name for effect in model.effects if effect.name not in names)
     return TransferredModel(moved, known, noise, model.arm.name, free, behind, said)

@@ -84,8 +84,8 @@ def typical_prior(model: Model) -> TypicalPrior:
     size = np.array([_size(model, key) for key in keys])
     kinds = [ParameterRef.parse(key).id for key in keys]
     tail = EFFECT_SIZES * size * [kind not in DIMENSIONS for kind in kinds]
-    own = [kinds.index(kind) if kind in TOGETHER else row for row, kind in enumerate(kinds)]
-    block = np.array(own, dtype=np.int64)
+    row_groups = [kinds.index(kind) if kind in TOGETHER else row for row, kind in enumerate(kinds)]
+    block = np.array(row_groups, dtype=np.int64)
     value = np.array([model.value(key) for key in keys])
     still = np.bincount(block, value**2)[block] == 0.0
     begun = np.where(still, (FLAT * tail) ** 2, _equal_slope(value, tail, block))

@@ -17,7 +17,6 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
@@ -129,7 +128,7 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
         outliers=list(study.data.left_out),
         nominal_rms_mm=nominal.nominal_error.rms * 1e3,
         fit_rms_mm=study.errors.fitted.rms * 1e3,
-        held_out_rms_mm=error_stats(run.steps[-1].held_out).rms * 1e3,
+        held_out_rms_mm=run.steps[-1].held_out_rms * 1e3,
         model=model_text(study.file),
         evidence=evidence_of(run.model, study.data, task.stored_arm),
     )

@@ -32,6 +32,7 @@ FROM_DATA = (
     "size: these poses cannot distinguish it from others, or do not show it."
 )
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
+DIAGNOSE_WILL = "Names the effect that the model lacks, where these poses show it."
 MOSTLY_TOLD, OUTLIERS_SHOWN, MUCH = 0.5, 4, 1.5
 
 
@@ -218,7 +219,7 @@ def diagnose_next(files: Sequence[str]) -> list[Block]:
     """The command that names what is missing, where the files are known."""
     if not files:
         return []
-    return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}")]
+    return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}"), f"      {DIAGNOSE_WILL}"]
 
 
 def _held_out_rms(found: ModelComparison) -> float | None:

@@ -116,24 +116,24 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
     """Gaussian process regression of the residuals of a cross-validation, in the same blocks.
 
     Each kernel is estimated from at most `SEARCH_ROWS` of the training poses, evenly spread over the order of
-    measurement; the search starts from the last block's.
+    measurement. Every search begins anew: the kernel of another block has seen the poses that this one leaves out, and
+    would lower their error where nothing is hidden.
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
     before, after = held_out_residual(blocks), np.empty_like(data.tcp)
     known = pose_covariates(data, data.tcp - before)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
-    relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0
+    relevance, start, most = np.zeros(len(names)), Kernel.start(len(names)), 0
     for block in blocks:
         search = spaced_rows(len(block.train), SEARCH_ROWS)
         most = max(most, len(block.train))
         for axis in range(3):
             y, unit = block.train_residual[:, axis], float(block.train_residual[:, axis].std()) or 1.0
-            kernel = fit_kernel(x[block.train[search]], y[search] / unit, kernels[axis])
+            kernel = fit_kernel(x[block.train[search]], y[search] / unit, start)
             process = condition(kernel, x[block.train], y / unit)
             after[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
             relevance += (unit * kernel.signal / kernel.lengths) ** 2
-            kernels[axis] = kernel
     ranked = sorted(zip(relevance.tolist(), names, strict=True), reverse=True)
     follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
     return PredictableError(before, after, follows[:MOST_FOLLOWED], most)

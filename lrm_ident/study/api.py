@@ -26,6 +26,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -45,7 +46,6 @@ from lrm_ident.study.arguments import (
     reading_of,
 )
 from lrm_ident.study.other_data import model_for_data
-from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import Study
 from lrm_ident.study.transfer import Transfer, identified, read_transfer
 from lrm_math.arm.arm import Arm
@@ -111,9 +111,9 @@ def load_poses(file: str | Path, arm: Arm | str | Path, reading: Reading = AS_NA
 
     Warns of what a person should know of the file. Raises `FileError`.
     """
-    own, path, how = arm if isinstance(arm, Arm) else load_arm(arm_named(arm)), path_of(file), reading_of(reading)
-    poses = pose_files.load_poses(path, own, how)
-    for words in pose_files.pose_doubts(path, own, poses, how):
+    the_arm, path, how = arm if isinstance(arm, Arm) else load_arm(arm_named(arm)), path_of(file), reading_of(reading)
+    poses = pose_files.load_poses(path, the_arm, how)
+    for words in pose_files.pose_doubts(path, the_arm, poses, how):
         warnings.warn(words, stacklevel=3)
     return poses
 
@@ -181,10 +181,10 @@ def transfer(model: Study | str | Path, to: str | Path, data: Measurements | Non
     """
     if isinstance(model, Study):
         return model.transfer(to, data)
-    found, notices = read_transfer(path_of(model), arm_named(to))
+    arm_part, notices = read_transfer(path_of(model), arm_named(to))
     for words in notices:
         warnings.warn(words, stacklevel=2)
-    return found if data is None else identified(found, measurements_of(data))
+    return arm_part if data is None else identified(arm_part, measurements_of(data))
 
 
 def predict(model: Model | Fit | Study, poses: Poses) -> Array:
@@ -193,9 +193,11 @@ def predict(model: Model | Fit | Study, poses: Poses) -> Array:
     At poses from another file than that of the fit, effects of a session are left out, and a warning names them; poses
     without a file keep them. A joint's drift follows the times of a file (`t_s`) where the model says so.
     """
-    own = model_of_fit(model)
-    check_poses(own, poses)
-    return solve_equilibrium(own if poses.sha256 is None else _here(own, None, poses.sha256, poses), poses).tcp
+    the_model = model_of_fit(model)
+    check_poses(the_model, poses)
+    return solve_equilibrium(
+        the_model if poses.sha256 is None else _here(the_model, None, poses.sha256, poses), poses
+    ).tcp
 
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
@@ -203,7 +205,8 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     right = "lrm.save(fit, data, 'model.toml'); a study saves itself: study.save('model.toml')"
     numbers = of_kind(fit, Fit, "a fit", right).equilibrium.poses.number
     outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
-    replace(_study(fit, data.without(outliers), None), step=StudyStep(StepName(FIT), fit)).save(path)
+    fitted = data.without(outliers)
+    replace(_study(fit, fitted, None), step=Step(StepName(FIT), fit, fitted)).save(path)
 
 
 def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> Study:
@@ -211,8 +214,8 @@ def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> 
     the_model = model_of_fit(model)
     check_same_arm(the_model, measurements_of(data).arm)
     check_poses(the_model, data.poses)
-    own = model.loss if isinstance(model, Fit | Study) else SQUARED
-    how = own if loss is None else loss_named(loss)
+    fitted_with = model.loss if isinstance(model, Fit | Study) else SQUARED
+    how = fitted_with if loss is None else loss_named(loss)
     step = model.step if isinstance(model, Study) else None
     fitted = model if step is None else step.fit
     numbers = fitted.equilibrium.poses.number if isinstance(fitted, Fit) else None

@@ -53,9 +53,9 @@ def of_kind(value: object, kind: type[K], what: str, right: str) -> K:
     """The value. Raises `LrmError` if it is of another kind: what should stand there, and what gives it."""
     if isinstance(value, kind):
         return value
-    own = type(value).__name__
-    article = "an" if own[0].lower() in "aeiou" or own == "ndarray" else "a"
-    raise LrmError(f"{article} {own} stands where {what} should; {right}")
+    kind_given = type(value).__name__
+    article = "an" if kind_given[0].lower() in "aeiou" or kind_given == "ndarray" else "a"
+    raise LrmError(f"{article} {kind_given} stands where {what} should; {right}")
 
 
 def path_of(file: str | Path) -> Path:
@@ -99,9 +99,9 @@ def measurements_of(data: object) -> Measurements:
 
 def model_of_fit(model: object) -> Model:
     """The model, that of a fit or study too. Raises `LrmError`: anything else."""
-    own = getattr(model, "model", model)
+    the_model = getattr(model, "model", model)
     right = "lrm.fit(data) or lrm.load_model('model.toml') gives it"
-    return own if isinstance(own, Model) else of_kind(model, Model, "a model", right)
+    return the_model if isinstance(the_model, Model) else of_kind(model, Model, "a model", right)
 
 
 def check_same_arm(model: Model, arm: Arm | None) -> None:

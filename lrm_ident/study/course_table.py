@@ -10,12 +10,12 @@ from lrm_math.model.model_file import CourseTable, ModelFile
 
 def with_course(file: ModelFile, course: AutoRun, nested: NestedResidual) -> ModelFile:
     """The model file with what the effects of a run are, and the error with the effects chosen anew in every fold."""
-    noise, found = course.report.diagnosis.floor.rms, nested.error
+    noise, nested_error = course.report.diagnosis.floor.rms, nested.error
     shown = zip(course.steps[1:], course.attributions, strict=True)
     table = CourseTable(
-        shows={step.added: term_of(one.kind, step.evidence.equivalent) for step, one in shown},
+        shows={step.added: term_of(attribution.kind, step.evidence.equivalent) for step, attribution in shown},
         noise_rms_mm=None if noise is None else noise * 1e3,
-        nested_rms_mm=None if found is None else found.rms * 1e3,
+        nested_rms_mm=None if nested_error is None else nested_error.rms * 1e3,
         nested_deployed_rms_mm=None if nested.deployed is None else nested.deployed.now.rms * 1e3,
     )
     last = file.history[-1].model_copy(update={"course": table})

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.cross_validation import held_out_blocks, random_folds
 from lrm_ident.fitting.field.fit import blocks_with_field, check_positions, fit_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
@@ -22,7 +23,6 @@ from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.thresholds import MIN_GAIN, MIN_NAMELESS_GAIN
-from lrm_ident.study.step import StudyStep
 from lrm_math.arrays import Array
 from lrm_math.effects import NOT_A_CAUSE
 from lrm_math.effects.field.residual_field import ResidualField
@@ -37,7 +37,7 @@ class NoBetterPrediction(LrmError):
     """Refusal of a residual field, since the model does not significantly predict better with it."""
 
 
-def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None, progress: OnProgress) -> StudyStep:
+def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None, progress: OnProgress) -> Step:
     """The step from a model without a field to one with it.
 
     Raises:
@@ -62,9 +62,10 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
     if predicts_better(_squares(before), _squares(after), MIN_GAIN):
         raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(before, after)})")
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
-    return StudyStep(
+    return Step(
         StepName(ADD, field.name),
         fitted,
+        data,
         start=model,
         stated_prior=prior,
         held_out=HeldOutResidual.of(fitted.model, data.poses, blocks),

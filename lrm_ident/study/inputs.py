@@ -53,13 +53,13 @@ def read_study(
     """
     path, table, catalogue = path_of(model), path_of(data), catalogue_with(effects_file)
     file, loaded, notices = read_model(path, catalogue)
-    known = file.provenance
-    usual = None if known is None else known.reading
+    provenance = file.provenance
+    usual = None if provenance is None else provenance.reading
     measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual)
     notices += measured.notices
-    if known is not None:
-        measured = part(measured, known.left_out if known.data_sha256 == measured.sha256 else ())
-        if how := fit_words(known.loss, measured.left_out):
+    if provenance is not None:
+        measured = part(measured, provenance.left_out if provenance.data_sha256 == measured.sha256 else ())
+        if how := fit_words(provenance.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
     here, left_out = model_for_data(loaded, measured.path, measured.sha256)
     anchored = with_set_up(here, measured)
@@ -69,7 +69,7 @@ def read_study(
         weighed,
         arm_from(path, file.arm),
         catalogue,
-        SQUARED if known is None else loss_named(known.loss),
+        SQUARED if provenance is None else loss_named(provenance.loss),
         file,
         notices=(*notices, *left_out, *model_error_words(weighed)),
         progress=progress,
@@ -81,10 +81,10 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tupl
     file = read_toml(path, ModelFile)
     arm = arm_of(path, file.arm)
     model = to_model(path, file, arm, catalogue)
-    own, known, words = file_of(model.effects), file.provenance, arm_mismatch(file, arm)
+    effects_file, provenance, words = file_of(model.effects), file.provenance, arm_mismatch(file, arm)
     notices = [f"{path.name}: {words}; {FIT_AGAIN}"] if words else []
-    if own and known and known.effects_sha256 not in (None, sha256_of(own)):
-        notices.append(f"{own} is not the file that {path.name} was fitted with (its SHA-256 differs)")
+    if effects_file and provenance and provenance.effects_sha256 not in (None, sha256_of(effects_file)):
+        notices.append(f"{effects_file} is not the file that {path.name} was fitted with (its SHA-256 differs)")
     return file, model, tuple(notices)
 
 

@@ -64,7 +64,7 @@ def model_file(
         evidence: for the effect that was added, if one was.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
-    own, rivals = file_of(model.effects), evidence.rivals
+    effects_file, rivals = file_of(model.effects), evidence.rivals
     entry = HistoryTable(
         step=step.kind,
         of=step.of,
@@ -89,8 +89,8 @@ def model_file(
             left_out=list(data.left_out),
             reading=data.reading if data.reading.said() else None,
             servos=data.servos,
-            effects_file=None if own is None else own.resolve().as_posix(),
-            effects_sha256=None if own is None else sha256_of(own),
+            effects_file=None if effects_file is None else effects_file.resolve().as_posix(),
+            effects_sha256=None if effects_file is None else sha256_of(effects_file),
         ),
     )
     return _file_at(arm, [*before, entry])

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import nominal_arm
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import Prior
@@ -21,7 +22,6 @@ from lrm_ident.residual.error_breakdown import (
     try_held_out,
 )
 from lrm_ident.residual.predictability import PredictableError
-from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import Covariance
@@ -70,7 +70,7 @@ class ModelOnData:
     catalogue: Catalogue = CATALOGUE
     loss: Loss = SQUARED
     source: ModelFile | None = None
-    step: StudyStep | None = None
+    step: Step | None = None
     progress: Progress = silent
     apart: bool = False
 
@@ -89,10 +89,10 @@ class ModelOnData:
     @property
     def unseen(self) -> bool:
         """Whether it is known to be fitted to none of these poses: to other data, or with all of them left out."""
-        known = None if self.source is None else self.source.provenance
-        if known is None:
+        provenance = None if self.source is None else self.source.provenance
+        if provenance is None:
             return self.step is None and (self.apart or self.model.fitted_to not in (None, self.data.sha256))
-        return known.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*known.left_out}
+        return provenance.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*provenance.left_out}
 
     @cached_property
     def covariance(self) -> Covariance | None:
@@ -102,11 +102,11 @@ class ModelOnData:
         if self.source is None:
             return None
         whole = to_model(self.data.path, self.source, self.model.arm, self.catalogue)
-        known = covariance_of(self.data.path, self.source, whole)
-        return None if known is None else known.marginal(whole, self.model)
+        stored = covariance_of(self.data.path, self.source, whole)
+        return None if stored is None else stored.marginal(whole, self.model)
 
     @property
-    def taken(self) -> StudyStep:
+    def taken(self) -> Step:
         """The last step. Raises `LrmError` if none was taken."""
         if self.step is None:
             raise LrmError("nothing is fitted yet")
@@ -126,8 +126,8 @@ class ModelOnData:
         """Name of the prior, as in a model file."""
         if self.step is not None:
             return self.step.file_prior
-        known = None if self.source is None else self.source.provenance
-        return None if known is None else known.prior
+        provenance = None if self.source is None else self.source.provenance
+        return None if provenance is None else provenance.prior
 
     @cached_property
     def held_out(self) -> HeldOutResidual:

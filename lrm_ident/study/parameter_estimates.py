@@ -25,10 +25,10 @@ class ParameterEstimate:
 
 def parameter_estimates(fit: Fit) -> dict[str, ParameterEstimate]:
     """Estimates of the free parameters by key."""
-    found = {}
+    estimates = {}
     for key, error, told in zip(fit.model.free, fit.standard_error.tolist(), fit.told.tolist(), strict=True):
         parameter, bound = fit.model.parameter(key), key in fit.at_bound
         share = None if bound or math.isnan(told) else max(0.0, told)
         error = None if bound else error / parameter.si
-        found[key] = ParameterEstimate(fit.model.value(key) / parameter.si, error, parameter.unit, share)
-    return found
+        estimates[key] = ParameterEstimate(fit.model.value(key) / parameter.si, error, parameter.unit, share)
+    return estimates

@@ -15,6 +15,7 @@ from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.data.wording import poses_words
 from lrm_ident.diagnosis.evidence import Evidence
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
@@ -23,14 +24,13 @@ from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.residual.deployment.deployable import deployable
-from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
+from lrm_ident.residual.error_breakdown import ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, names_of
 from lrm_ident.study.model_history import as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.parameter_estimates import ParameterEstimate, parameter_estimates
-from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.effects.memory import assumed_steps
 from lrm_math.errors import LrmError
@@ -40,7 +40,7 @@ from lrm_math.model.model_file import ModelFile, to_model
 from lrm_math.model.step_name import ADD, FIT, REFIT, StepName
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
-    from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+    from lrm_ident.diagnosis.auto import AutoRun
     from lrm_ident.diagnosis.confirm import Refit
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -82,9 +82,9 @@ class Study(ModelOnData, ShownInNotebook):
         arm = measurements_of(data).arm
         if arm is None:
             raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
-        known = catalogue_with(catalogue) if isinstance(catalogue, str | Path) else catalogue
-        model = nominal_model(arm, names_of(effects), known)
-        return Study(model, data, data.arm_name or arm.name, known, progress=progress)
+        effects_known = catalogue_with(catalogue) if isinstance(catalogue, str | Path) else catalogue
+        model = nominal_model(arm, names_of(effects), effects_known)
+        return Study(model, data, data.arm_name or arm.name, effects_known, progress=progress)
 
     def fit(
         self,
@@ -98,14 +98,16 @@ class Study(ModelOnData, ShownInNotebook):
         Raises `LrmError`: unknown names, too few poses, no convergence, or no identifiable parameter.
         """
         loss = loss_named(loss) if isinstance(loss, str) else loss
-        known = None if prior is None else load_prior(prior, self.model, self.catalogue)
-        result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
+        stated_prior = None if prior is None else load_prior(prior, self.model, self.catalogue)
+        result = fit_model(
+            named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, stated_prior
+        )
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         stated = deployable(result.fit, result.data)
-        step = StudyStep(StepName(FIT), stated, bounds=bounds, stated_prior=known, prior_name=name)
-        begun = replace(self, data=result.data, loss=loss, source=None)
-        return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
+        step = Step(StepName(FIT), stated, result.data, bounds=bounds, stated_prior=stated_prior, prior_name=name)
+        notices = (*self.notices, *model_error_words(result.data))
+        return replace(self, loss=loss, notices=notices)._after(step, None)
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
         """Screens every effect at every place by the linearised fit, and finds outliers.
@@ -115,8 +117,8 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.diagnose import diagnose
 
-        own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
-        return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
+        study, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
+        return diagnose(study.model, study.data, study.catalogue, tick, study.loss, rates)
 
     def diagnose(
         self,
@@ -148,21 +150,21 @@ class Study(ModelOnData, ShownInNotebook):
         from lrm_ident.diagnosis.add_effect import add_effects
 
         effect = effect_named(effect)
-        own = self.identifiable()
-        added = effects_at(own.model.arm, effect, own.catalogue)
-        if not all(one.names_a_cause for one in added):
+        study = self.identifiable()
+        added = effects_at(study.model.arm, effect, study.catalogue)
+        if not all(each.names_a_cause for each in added):
             return self.add_field()
-        found = screened or own.screen()
-        shape = next((one.shape for one in found.scored if (one.name,) == tuple(effect.name for effect in added)), None)
-        fitted = add_effects(own.model, found.data, added, shape, own.loss)
-        left_out = f"outliers, left out: {poses_words(found.outliers)}"
-        notices = (*own.notices, left_out) if found.outliers else own.notices
-        notices = (*notices, *assumed_steps(added, own.data.poses))
-        then = replace(own, data=found.data, notices=notices)
-        equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
-        evidence = Evidence(equivalent, found.rivals([*(one.name for one in added), *equivalent]))
-        step = StudyStep(StepName(ADD, effect), fitted, start=own.model, evidence=evidence)
-        return then._after(step, self)
+        diagnosis = screened or study.screen()
+        names = tuple(each.name for each in added)
+        shape = next((scored.shape for scored in diagnosis.scored if (scored.name,) == names), None)
+        fitted = add_effects(study.model, diagnosis.data, added, shape, study.loss)
+        left_out = f"outliers, left out: {poses_words(diagnosis.outliers)}"
+        notices = (*study.notices, left_out) if diagnosis.outliers else study.notices
+        notices = (*notices, *assumed_steps(added, study.data.poses))
+        equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
+        evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
+        step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
+        return replace(study, notices=notices)._after(step, self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -171,15 +173,15 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.study.field_step import field_step
 
-        own = self.named()
-        step = field_step(own.model, own.data, own.loss, self.prior, partial(self.progress, "held-out error"))
-        return own._after(replace(step, prior_name=self.prior_name), self)
+        study = self.named()
+        step = field_step(study.model, study.data, study.loss, self.prior, partial(self.progress, "held-out error"))
+        return study._after(replace(step, prior_name=self.prior_name), self)
 
     def auto(
         self,
         max_effects: int = MAX_EFFECTS,
         rates: EffectRates | None = None,
-        on_step: Callable[[AutoStep, Study], object] = lambda *_: None,
+        on_step: Callable[[Step, Study], object] = lambda *_: None,
         on_confirmed: Callable[[Refit], object] = lambda _: None,
     ) -> tuple[AutoRun, Study]:
         """Diagnoses and adds effects until none is confirmed: the run, and the study after it.
@@ -190,20 +192,19 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.auto import run_auto
 
-        own, now = self.identifiable(), self
+        study, latest = self.identifiable(), self
 
-        def taken(step: AutoStep) -> None:
+        def taken(step: Step) -> None:
             """Follows the run with a study."""
-            nonlocal now
-            name = StepName(ADD, step.added) if step.added else None
-            held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
-            one = StudyStep(name, step.fit, now.model, held_out=held_out, evidence=step.evidence)
-            now = replace(own, data=step.data)._after(one, now)
-            on_step(step, now)
+            nonlocal latest
+            latest = study._after(step, latest)
+            on_step(step, latest)
 
         tick = partial(self.progress, "looking for what is missing")
-        run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates, on_confirmed)
-        return run, now if now._filed is None else now.with_course(run, NestedResidual(None))
+        run = run_auto(
+            study.model, study.data, max_effects, study.catalogue, taken, study.loss, tick, rates, on_confirmed
+        )
+        return run, latest if latest._filed is None else latest.with_course(run, NestedResidual(None))
 
     def with_course(self, course: AutoRun, nested: NestedResidual) -> Study:
         """The study whose file also holds what the effects of a run are, and the nested held-out error."""
@@ -217,17 +218,16 @@ class Study(ModelOnData, ShownInNotebook):
         """Nested cross-validation: held-out residual of `auto`, effects selected anew in every fold, on an executor."""
         from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 
-        own, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
-        return nested_held_out(own.model, own.data, executor, max_effects, own.catalogue, tick, own.loss, rates)
+        study, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
+        return nested_held_out(study.model, study.data, executor, max_effects, study.catalogue, tick, study.loss, rates)
 
     def fit_all(self, prior: str) -> Study:
         """Fits all parameters of the model together with a prior (name or path). Raises `LrmError`."""
         start = named_part(self._fitted)
-        known = load_prior(prior, start, self.catalogue)
-        result = deployable(fit_model(start, self.data, "identifiable", self.loss, prior=known).fit, self.data)
-        step = StudyStep(
-            StepName(REFIT, known.name), result, start=start, stated_prior=known, prior_name=prior_name_for(prior)
-        )
+        stated_prior = load_prior(prior, start, self.catalogue)
+        result = deployable(fit_model(start, self.data, "identifiable", self.loss, prior=stated_prior).fit, self.data)
+        name = StepName(REFIT, stated_prior.name)
+        step = Step(name, result, self.data, start, stated_prior=stated_prior, prior_name=prior_name_for(prior))
         return self._after(step, self)
 
     def transfer(self, to: str | Path, data: Measurements | None = None) -> Transfer:
@@ -241,20 +241,20 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.study.transfer import identified, transfer_of
 
-        found = transfer_of(self.file, self.model, self.covariance, arm_named(to))
-        return found if data is None else identified(found, measurements_of(data))
+        arm_part = transfer_of(self.file, self.model, self.covariance, arm_named(to))
+        return arm_part if data is None else identified(arm_part, measurements_of(data))
 
     def propose(self) -> LawProposal:
         """Proposes a law where no known effect fits, by symbolic regression at every joint."""
         from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
 
-        own, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
-        return propose_law(own.model, own.data, tick, self._say, own.loss)
+        study, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
+        return propose_law(study.model, study.data, tick, self._say, study.loss)
 
     def undo(self) -> Study:
         """Takes the last step back. Raises `LrmError` if there is none."""
-        own = self._filed
-        before = None if own is None or own.before is None else own.before._filed
+        filed = self._filed
+        before = None if filed is None or filed.before is None else filed.before._filed
         if before is not None:
             return before
         file = undo_step(self.file)
@@ -281,11 +281,11 @@ class Study(ModelOnData, ShownInNotebook):
     @cached_property
     def file(self) -> ModelFile:
         """The model file, with the history of all steps. Raises `LrmError` if nothing was fitted or read."""
-        own = self._filed
-        if own is None:
+        filed = self._filed
+        if filed is None:
             raise LrmError("nothing is fitted yet: there is no model to write")
-        if own is not self:
-            return own.file
+        if filed is not self:
+            return filed.file
         if self.source is not None:
             return self.source
         before = None if self.before is None else self.before._filed
@@ -337,7 +337,7 @@ class Study(ModelOnData, ShownInNotebook):
         """The study with another model before a step, and a notice of it."""
         return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
 
-    def _after(self, step: StudyStep, before: Study | None) -> Study:
+    def _after(self, step: Step, before: Study | None) -> Study:
         """The study after a step, its model as read from its file, so that API and commands give the same results."""
         model = as_written(step.fit.model, self.arm)
-        return replace(self, model=model, source=None, step=step, before=before)
+        return replace(self, model=model, data=step.data, source=None, step=step, before=before)

@@ -85,16 +85,16 @@ class Transfer:
         if self.fit is not None and self.data is not None:
             unknown = HeldOutResidual(None, "the installation was identified from few poses")
             return model_file(self.fit, self.data, unknown, self.arm, StepName(TRANSFER, self.start.bench))
-        model, known = self.start.model, self.covariance
-        units = np.array([model.parameter(key).si for key in known.keys])
-        errors = np.sqrt(np.diag(known.matrix)) / units
+        model, covariance = self.start.model, self.covariance
+        units = np.array([model.parameter(key).si for key in covariance.keys])
+        errors = np.sqrt(np.diag(covariance.matrix)) / units
         date, before = datetime.now(UTC).isoformat(timespec="seconds"), self.source.provenance
         changes = {"arm_sha256": arm_sha256(model.arm), "tool": tool_version(), "date": date, "reading": None}
         return ModelFile(
             schema=SCHEMA,
             arm=self.arm,
-            sigma=dict(zip(known.keys, errors.tolist(), strict=True)),
-            covariance=covariance_table(known.keys, known.matrix),
+            sigma=dict(zip(covariance.keys, errors.tolist(), strict=True)),
+            covariance=covariance_table(covariance.keys, covariance.matrix),
             **model_tables(model),
             provenance=None if before is None else before.model_copy(update=changes),
         )
@@ -139,8 +139,8 @@ def identified(transfer: Transfer, data: Measurements) -> Transfer:
     Raises `LrmError`: no convergence, or an arm that shrinks, stretches or loses a length.
     """
     start = transfer.start
-    found = fit(with_set_up(start.model, data), data, prior=start.prior)
-    return replace(transfer, data=data, fit=found)
+    fitted = fit(with_set_up(start.model, data), data, prior=start.prior)
+    return replace(transfer, data=data, fit=fitted)
 
 
 def remaining_error(file: ModelFile) -> float:
@@ -150,4 +150,4 @@ def remaining_error(file: ModelFile) -> float:
         raise LrmError("the model file has no [[history]], so its error is not known; state it with --noise-mm")
     last = file.history[-1]
     rms: Sequence[float | None] = (last.deployed_rms_mm, last.held_out_rms_mm, last.fit_rms_mm)
-    return next(one for one in rms if one is not None) * 1e-3 / math.sqrt(AXES)
+    return next(error for error in rms if error is not None) * 1e-3 / math.sqrt(AXES)

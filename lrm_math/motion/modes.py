@@ -48,11 +48,12 @@ class Modes:
         """(k,), Hz, of the damped swing."""
         return np.asarray(self.omega * np.sqrt(np.maximum(1.0 - self.damping**2, 0.0)) / (2.0 * np.pi))
 
-    def deflections(self, servos: Array, h: float) -> Array:
-        """(M + 1, n), of the joints (rad), where the servos turn along (M + 1, n) at steps of h (s), from rest."""
-        coordinates = (servos @ self.driven.T)[:, None]
-        swung = Swing.swung(coordinates, self.omega[None], self.damping[None], h)
-        return np.asarray((swung - coordinates)[:, 0] @ self.shape.T)
+    def deflections(self, servos: Array, h: float, off: float = 1.0) -> Array:
+        """(M + 1, B, n), of the joints (rad), where the servos turn along B ways (M + 1, B, n) at steps of h (s), from
+        rest. `off`: factor of all frequencies."""
+        coordinates = servos @ self.driven.T
+        swung = Swing.swung(coordinates, off * self.omega[None], self.damping[None], h)
+        return np.asarray((swung - coordinates) @ self.shape.T)
 
 
 def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None:

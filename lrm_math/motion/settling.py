@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass
 
@@ -39,30 +40,38 @@ def settling(model: MotionModel, start: Array, goal: Array, speed: float, within
     """
     ramp = max(int(np.ceil(np.abs(goal - start).max() / speed / STEP_S)), 1)
     share = np.arange(1, ramp + 1)[:, None] / ramp
-    return settling_after(model, start, start + share * (goal - start), STEP_S, within)
+    return settling_after(model, start, (start + share * (goal - start))[None], STEP_S, within)
 
 
 def settling_after(
-    model: MotionModel, start: Array, path: Array, step: float, within: float, payload: float = 0.0
+    model: MotionModel,
+    start: Array,
+    paths: Array,
+    step: float,
+    within: float,
+    payload: float = 0.0,
+    offs: tuple[float, ...] = (1.0,),
+    share: float = 1.0,
 ) -> Settling:
-    """Of commanded angles `path` (M, n), rad, each constant over a step (s), from rest at `start` (n,).
+    """Of commanded angles `paths` (B, M, n), rad, each constant over a step (s), from rest at `start` (n,).
 
-    `within`: m; `payload`: kg. The tip's deviation is that of the joints' by the Jacobian at the end of the path.
+    All paths end at one posture; each is tried with each factor of the swing's frequencies, `offs`. The answer has
+    settled in a `share` of these cases. `within`: m; `payload`: kg. The tip's deviation is that of the joints' by the
+    Jacobian at the end of the path.
     """
-    goal = path[-1]
+    goal, length = paths[0, -1], paths.shape[1]
     modes = modes_at(model, goal, payload)
-    after = float(np.clip(FADED / _slowest_fading(model, modes), SHORTEST_S, LONGEST_S))
-    moved = _moved(model, np.concatenate([path, np.tile(goal, (round(after / step), 1))]), start, step)
-    away = moved - moved[-1]
-    if modes is not None:
-        away = away + modes.deflections(moved, step)
-    parts = away[:, :, None] * tip_jacobian(model, goal)
-    near = np.linalg.norm(parts[len(path) :].sum(axis=1), axis=1) <= within
-    far = np.flatnonzero(~near)  # what is no number is not near
-    last = int(far[-1]) if len(far) else 0
-    seconds = (last + 1) * step if len(far) else 0.0
-    ends = parts[len(path) + last : len(path) + last + max(1, round(0.5 / step))]
-    return Settling(seconds, int(np.argmax(np.linalg.norm(ends, axis=2).max(axis=0))))
+    after = round(float(np.clip(FADED / _slowest_fading(model, modes), SHORTEST_S, LONGEST_S)) / step)
+    moved = _moved(model, np.concatenate([paths, np.tile(goal, (len(paths), after, 1))], axis=1), start, step)
+    turned = [moved] if modes is None else [moved + modes.deflections(moved, step, off) for off in offs]
+    away = np.concatenate(turned, axis=1) - np.concatenate([moved[-1]] * len(turned))
+    jacobian = tip_jacobian(model, goal)
+    far = ~(np.linalg.norm(away[length:] @ jacobian, axis=2) <= within)  # what is no number is not near
+    steps = np.where(far.any(axis=0), len(far) - np.argmax(far[::-1], axis=0), 0)
+    case = int(np.argsort(steps)[math.ceil(share * len(steps)) - 1])
+    begin = length + max(int(steps[case]) - 1, 0)
+    ends = away[begin : begin + max(1, round(0.5 / step)), case, :, None] * jacobian
+    return Settling(float(steps[case] * step), int(np.argmax(np.linalg.norm(ends, axis=2).max(axis=0))))
 
 
 def _slowest_fading(model: MotionModel, modes: Modes | None) -> float:
@@ -75,27 +84,35 @@ def _slowest_fading(model: MotionModel, modes: Modes | None) -> float:
     return float(min(rates))
 
 
-def _moved(model: MotionModel, path: Array, start: Array, step: float) -> Array:
-    """(M + 1, n), angles (rad) at which the servos of all joints are, commanded along a path (M, n).
+def _moved(model: MotionModel, paths: Array, start: Array, step: float) -> Array:
+    """(M + 1, B, n), angles (rad) at which the servos of all joints are, commanded along paths (B, M, n).
 
     Joints with the same effects are simulated at once.
     """
-    loads = joint_loads(model.arm, np.concatenate([start[None], path])[None], step)
-    reference, out = reference_inertia(model.arm), np.empty((len(path) + 1, len(start)))
+    many, length, dof = paths.shape
+    loads = joint_loads(model.arm, np.concatenate([np.tile(start, (many, 1, 1)), paths], axis=1), step)
+    reference, out = reference_inertia(model.arm), np.empty((length + 1, many, dof))
     alike: dict[tuple[type[MotionEffect], ...], list[int]] = defaultdict(list)
     for joint in range(model.arm.dof):
         alike[tuple(type(effect) for effect in _led(model, joint))].append(joint)
     for joints in alike.values():
-        gravity, reaction, inertia = (x[0, 1:, joints].T for x in (loads.gravity, loads.reaction, loads.inertia))
+        command, gravity, reaction, inertia = (
+            np.moveaxis(x[:, -length:, joints], 0, 1).reshape(length, -1)
+            for x in (paths, loads.gravity, loads.reaction, loads.inertia)
+        )
         effects = [_led(model, joint) for joint in joints]
         values = [
-            [np.array([[model.values[of_joint[i].keys[k]] for of_joint in effects]]) for k in range(len(effect.keys))]
+            [
+                np.array([[model.values[of_joint[i].keys[k]] for of_joint in effects] * many])
+                for k in range(len(effect.keys))
+            ]
             for i, effect in enumerate(effects[0])
         ]
+        at_rest = np.tile(start[joints], many)
         drive = JointDrive(
-            step, path[:, joints], gravity, reaction, inertia, reference[joints], start[joints], np.zeros(len(joints))
+            step, command, gravity, reaction, inertia, np.tile(reference[joints], many), at_rest, np.zeros(len(at_rest))
         )
-        out[:, joints] = simulate(effects[0], values, drive)[:, 0]
+        out[:, :, joints] = simulate(effects[0], values, drive)[:, 0].reshape(length + 1, many, -1)
     return out
 
 

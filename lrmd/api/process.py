@@ -366,7 +366,7 @@ class ApiProcess:
     def _with_settling(self, tail: str, reply: Reply, final_leg: FinalLeg | None) -> Reply:
         """The reply, and how long the tip swings after the motion that it is of, where that is known.
 
-        That takes some tens of milliseconds, without the lock.
+        That takes about a tenth of a second, without the lock.
         """
         if tail != "rpc/move" or final_leg is None or (known := self._controller.motion) is None:
             return reply

@@ -10,6 +10,7 @@ way to rest of a hot arm are never shaped. A hold or an emergency stop orders no
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -28,8 +29,10 @@ from lrmd.ramp.shared_memory import IMPULSES
 from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
-PHASES = (1 / 6, 1 / 2, 5 / 6)
-"""Of the board's frames, for which the settling of a timed move is predicted."""
+PHASES, OFF, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), (0.96, 1.0, 1.04), 4
+"""Phases of the board's frames and factors of the frequencies with which settling is predicted; steps in a frame."""
+SETTLED = 0.75
+"""Share of these cases in which the tip has settled by the predicted time."""
 
 
 @dataclass(frozen=True)
@@ -71,20 +74,23 @@ class MotionPredictor:
     def settle_s(self, final_leg: FinalLeg) -> float:
         """Time (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
 
-        The command is the board's: pulses rounded to its counts, tick by tick. What a timed move leaves depends on the
-        phase of the board's frames, which is not known: the longest of several counts.
+        The command is the board's: pulses rounded to its counts, frame by frame. The phase of its frames is not known,
+        and frequencies only nearly: the time by which the tip has settled in `SETTLED` of the cases of both.
         """
         path, model = self._path(final_leg.move), self._carrying(final_leg.load_at)
-        within, tick = self._config.motion.within_mm * 1e-3, self._config.tick / SECOND
-        shown = [self._shown(path, phase) for phase in PHASES] if final_leg.move.waits else [path]
-        return max(settling_after(model, path[0], one, tick, within, final_leg.payload).seconds for one in shown)
+        step = self._frame / FRAME_STEPS
+        ends = (len(path) - 1) * self._config.tick / SECOND
+        frames = math.ceil(ends / self._frame) + 1
+        seen = np.stack([self._seen(path, phase, frames) for phase in PHASES])
+        within = self._config.motion.within_mm * 1e-3
+        found = settling_after(model, path[0], seen, step, within, final_leg.payload, OFF, SETTLED)
+        return (frames + 0.5) * self._frame - ends + found.seconds if found.seconds else 0.0
 
-    def _shown(self, path: Array, phase: float) -> Array:
-        """A path (M + 1, n), tick by tick, as servos see it: in frames that begin at a phase (share of a frame)."""
-        frame = self._frame / (self._config.tick / SECOND)
-        ticks = np.arange(len(path) + int(np.ceil(frame)))
-        began = np.floor((np.floor(ticks / frame - phase) + phase) * frame).astype(int)
-        return np.asarray(path[np.clip(began, 0, len(path) - 1)])
+    def _seen(self, path: Array, phase: float, frames: int) -> Array:
+        """A path (M + 1, n), tick by tick, as servos see it in frames that begin at a phase (share of a frame), in
+        `FRAME_STEPS` steps a frame."""
+        began = (np.arange(frames) + phase) * self._frame / (self._config.tick / SECOND)
+        return np.repeat(path[np.minimum(began.astype(int), len(path) - 1)], FRAME_STEPS, axis=0)
 
     @property
     def _frame(self) -> float:

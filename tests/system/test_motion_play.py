@@ -40,8 +40,7 @@ LONG = ((0.0, 0.0), (0.5, 0.0), (8.5, 30.0), (12.0, 30.0), (20.0, 0.0))
 @contextmanager
 def armed(folder: Path) -> Iterator[tuple[DaemonSetup, Rover]]:
     """A daemon whose arm stands at the start with pulses, and nobody has its lease."""
-    patient = {"lease_ms = 400": "lease_ms = 500"}  # the longest: on a busy machine it runs out by itself
-    setup = DaemonSetup.make(folder, {**SLOW_BOARD, **patient, "step_us = 1.0": "step_us = 10.0"})
+    setup = DaemonSetup.make(folder, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
     with running_daemon(setup, "--start-deg", ",".join(f"{q:g}" for q in START)), setup.rover() as rover:
         wait_for_link(rover)
         names = rover.info().names[:6]

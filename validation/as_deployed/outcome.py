@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.auto import AutoRun
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
 from lrm_math.effects import effect_of
@@ -86,10 +87,10 @@ def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
     return found if len(rows) == len(fresh) else found | {f"{when}_unsettled": len(fresh) - len(rows)}
 
 
-def _stated(when: str, step: AutoStep) -> Record:
+def _stated(when: str, step: Step) -> Record:
     """Held-out errors that the tool states, of measurements with their noise: in the session, and as deployed."""
-    shown = {f"shown_{when}_mm": _short(1e3 * error_stats(step.held_out).rms)}
-    stated = getattr(step, "deployed", None)
+    shown = {f"shown_{when}_mm": _short(1e3 * step.held_out_rms)}
+    stated = None if step.held_out is None else step.held_out.deployed
     return shown if stated is None else shown | {f"stated_{when}_mm": _short(1e3 * stated.now.rms)}
 
 
@@ -102,7 +103,7 @@ def steps_of(found: AutoRun) -> list[Record]:
     ]
 
 
-def _estimates(step: AutoStep, model: Model) -> dict[str, list[float]]:
+def _estimates(step: Step, model: Model) -> dict[str, list[float]]:
     """By key: the value in the key's unit, and over the typical size; of the last model."""
     keys = [key for key in model.keys if effect_of(key) == step.added and key in model.free]
     values = {key: (model.value(key), model.parameter(key)) for key in keys}

@@ -7,19 +7,12 @@ from pathlib import Path
 
 from examples.so101.hidden_arm import HIDDEN
 from validation.lerobot_robot.closed_loop import closed_loop
-from validation.lerobot_robot.command_time import FIVE, FRICTION, correction_times
 
 SEEDS = (1, 2, 3)
 
 
 def main() -> None:
-    """Prints two tables."""
-    print("| processor time (ms) | command, median | worst | observation, median | worst |")
-    print("|---|---|---|---|---|")
-    for name, values in (("five effects", FIVE), ("and friction with memory", FRICTION)):
-        columns = " | ".join(f"{x:.2f}" for times in correction_times(values) for x in (times.median, times.worst))
-        print(f"| {name} | {columns} |", flush=True)
-    print()
+    """Prints a table."""
     print("| hidden | seed | without (mm) | calibrated (mm) | perfect (mm) | ratio | observed off wish (deg) |")
     print("|---|---|---|---|---|---|---|")
     for effect in HIDDEN:

@@ -23,7 +23,7 @@ STEP_S, LOADS_EVERY = 0.001, 10
 STUCK_RAD_PER_S = 0.002
 STIFF_NM_PER_RAD = 40000.0
 """Of a joint that hardly notices gravity and the others: what is not hidden is not there."""
-FRICTIONLESS, UNLIMITED = 0.0, 1e9
+UNLIMITED = 1e9
 
 
 def _all(value: float) -> Array:

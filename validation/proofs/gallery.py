@@ -15,7 +15,6 @@ from typing import Any
 from PIL import Image
 
 import lrm_ident as lrm
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
@@ -65,7 +64,7 @@ def lines() -> Iterator[tuple[object, ...]]:
             line = (
                 hidden,
                 _said(run),
-                _mm(error_stats(run.steps[0].held_out).rms),
+                _mm(run.steps[0].held_out_rms),
                 None if held_out is None else _mm(held_out.rms),
                 None if deployed is None else _mm(deployed.now.rms),
                 f"{name}.png",

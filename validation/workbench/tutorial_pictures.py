@@ -48,7 +48,7 @@ def _opened(browser: Any, running: RunningWorkbench, scheme: str) -> Any:
 
 
 def _take(page: Any, name: str) -> None:
-    page.mouse.move(683, 760)
+    page.mouse.move(5, 5)
     page.evaluate("scrollTo(0, 0)")  # the tour scrolls to what it shows
     page.wait_for_timeout(SETTLE_MS)
     path = PICTURES / f"{name}.png"

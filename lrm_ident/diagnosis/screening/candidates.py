@@ -71,12 +71,12 @@ class Candidate:
 
     def acting(self, shape: tuple[float, ...]) -> tuple[Candidate, Array]:
         """The candidate without parameters that move nothing at these poses, and its `columns` (R N, m)."""
-        found = list(effect_columns(self.effect, shape, self.response, self.rows))
+        columns = list(effect_columns(self.effect, shape, self.response, self.rows))
         rows, count = len(self.response.slots[0]), len(self.response.equilibrium.poses)
-        out = np.empty((len(found), count, rows))
-        for column, (row, moved) in zip(out, found, strict=True):
+        out = np.empty((len(columns), count, rows))
+        for column, (row, moved) in zip(out, columns, strict=True):
             np.multiply(moved.T, self.effect.parameters[row].typical, out=column)
-        return replace(self, rows=tuple(row for row, _ in found)), out.reshape(len(out), rows * count).T
+        return replace(self, rows=tuple(row for row, _ in columns)), out.reshape(len(out), rows * count).T
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
@@ -155,11 +155,11 @@ def differentiate_candidates(
     model = equilibrium.model
     present = {effect.name for effect in model.effects}
     added = [effect for effect, _ in effects if effect.name not in present]
-    known = {key: model.value(key) for key in model.keys}
-    extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free, within=model.within)
+    values = {key: model.value(key) for key in model.keys}
+    extended = replace(model_of(model.arm, (*model.effects, *added), values), free=model.free, within=model.within)
     response = respond(solve_equilibrium(extended, equilibrium.poses), sensed)
-    found = (_candidate(extended, effect, rows, response, _priority(effect, present)) for effect, rows in effects)
-    return response, list(found)
+    candidates = (_candidate(extended, effect, rows, response, _priority(effect, present)) for effect, rows in effects)
+    return response, list(candidates)
 
 
 def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, priority: int) -> Candidate:
@@ -169,5 +169,7 @@ def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response:
         tried = effect.shapes_to_try(response.equilibrium.poses)
         for row, parameter in enumerate(effect.parameters):
             if parameter.name in tried:
-                shapes = [(*one[:row], value, *one[row + 1 :]) for one in shapes for value in tried[parameter.name]]
+                shapes = [
+                    (*shape[:row], value, *shape[row + 1 :]) for shape in shapes for value in tried[parameter.name]
+                ]
     return Candidate(effect, rows, tuple(shapes), priority, response)

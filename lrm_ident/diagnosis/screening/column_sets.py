@@ -121,14 +121,14 @@ class ColumnSets:
     def predicted(self, part: FoldSplit, amounts: Array, theta: Array) -> Array:
         """(T, S), prediction of each set at the predicted rows of a part, from its amounts (p, M) and θ (M,)."""
         columns = self.residual_rows(part)
-        along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)), order="F")
+        along, prediction = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)), order="F")
         for stack in self.stacks:
-            own = theta[stack.columns].reshape(-1, stack.size)
-            for rows, out in ((columns, found), (amounts, along)):
-                sets = rows[:, stack.columns].reshape(len(rows), *own.shape)
-                np.einsum("rnm,nm->rn", sets, own, out=out[:, stack.places])
-        found -= part.predictor @ along
-        return found
+            amounts_of_set = theta[stack.columns].reshape(-1, stack.size)
+            for rows, out in ((columns, prediction), (amounts, along)):
+                sets = rows[:, stack.columns].reshape(len(rows), *amounts_of_set.shape)
+                np.einsum("rnm,nm->rn", sets, amounts_of_set, out=out[:, stack.places])
+        prediction -= part.predictor @ along
+        return prediction
 
     def with_explained(self, rows: Array, of_residual: Array) -> ColumnSets:
         """The sets with k further directions projected out.
@@ -147,18 +147,18 @@ class ColumnSets:
 
 def by_set(rows: Array, stack: EqualSizedSets) -> Array:
     """(..., n, r, m), columns (..., r, M) of a stack's sets."""
-    own = rows[..., stack.columns]
-    return np.moveaxis(own.reshape(*own.shape[:-1], len(stack.numbers), stack.size), -2, -3)
+    columns = rows[..., stack.columns]
+    return np.moveaxis(columns.reshape(*columns.shape[:-1], len(stack.numbers), stack.size), -2, -3)
 
 
 def stacks_of(sizes: Sequence[int]) -> tuple[EqualSizedSets, ...]:
     """Sets of these sizes, those of one size together, the smallest first."""
-    found, start, place = [], 0, 0
+    stacks, start, place = [], 0, 0
     for size in sorted(set(sizes)):
         numbers = np.flatnonzero(np.array(sizes) == size)
-        found.append(EqualSizedSets(numbers, start, place, size))
+        stacks.append(EqualSizedSets(numbers, start, place, size))
         start, place = start + len(numbers) * size, place + len(numbers)
-    return tuple(found)
+    return tuple(stacks)
 
 
 def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
@@ -172,7 +172,7 @@ def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
 
 def side_by_side(sets: Sequence[Array], rows: int) -> tuple[Array, tuple[EqualSizedSets, ...]]:
     """(rows, M), sets of columns (rows, m) in one array, ordered by size, and where each stands."""
-    stacks = stacks_of([one.shape[1] for one in sets])
+    stacks = stacks_of([matrix.shape[1] for matrix in sets])
     order = [int(number) for stack in stacks for number in stack.numbers]
     return np.concatenate([np.empty((0, rows)), *(sets[number].T for number in order)]).T, stacks
 
@@ -183,8 +183,10 @@ def column_sets(
     """Sets of columns (R N, M); these and the residual (R N,) are orthogonal to the fitted parameters' columns."""
     held_out = np.empty_like(columns)
     for part in parts[1:]:
-        own = columns[part.predicted_rows]
-        held_out[part.predicted_rows] = own + np.linalg.multi_dot([part.fitted, part.fitted.T, own])
+        predicted_columns = columns[part.predicted_rows]
+        held_out[part.predicted_rows] = predicted_columns + np.linalg.multi_dot(
+            [part.fitted, part.fitted.T, predicted_columns]
+        )
     along = np.tile(residual @ columns, (len(parts), 1))
     for row, part in zip(along, parts, strict=True):
         row -= residual[part.absent] @ held_out[part.absent]
@@ -194,9 +196,9 @@ def column_sets(
 
 def united(sets: Sequence[ColumnSets], parts: Sequence[FoldSplit]) -> ColumnSets:
     """Union of sets of one fit, as one set with the columns in this order."""
-    columns, held_out = np.concatenate([[one.columns.T, one.held_out.T] for one in sets], axis=1).transpose(0, 2, 1)
-    explained = np.concatenate([one.explained for one in sets], axis=2)
-    along = np.concatenate([one.along for one in sets], axis=1)
+    columns, held_out = np.concatenate([[part.columns.T, part.held_out.T] for part in sets], axis=1).transpose(0, 2, 1)
+    explained = np.concatenate([part.explained for part in sets], axis=2)
+    along = np.concatenate([part.along for part in sets], axis=1)
     return _with_grams(columns, held_out, explained, along, stacks_of([columns.shape[1]]), parts)
 
 
@@ -211,8 +213,8 @@ def _with_grams(
     """Column sets with the matrices of their normal equations."""
     grams = []
     for stack in stacks:
-        every, known = by_set(columns, stack), by_set(explained, stack)
-        found = np.swapaxes(every, -1, -2) @ every - np.swapaxes(known, -1, -2) @ known
+        every, explained_sets = by_set(columns, stack), by_set(explained, stack)
+        found = np.swapaxes(every, -1, -2) @ every - np.swapaxes(explained_sets, -1, -2) @ explained_sets
         for part, out in zip(parts, found, strict=True):
             own, left = by_set(columns[part.absent], stack), by_set(held_out[part.absent], stack)
             out -= np.swapaxes(own, -1, -2) @ left

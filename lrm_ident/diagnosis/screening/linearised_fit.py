@@ -301,8 +301,8 @@ def linearise(
     rows = measured // sum(len(poses) for poses in test_poses)
     folds = [(rows * poses[:, None] + np.arange(rows)).reshape(-1) for poses in test_poses]
     order = np.concatenate([*folds, np.arange(measured, len(residual))])
-    by_fold, own, start, none = A[order], residual[order], 0, np.empty((len(order), 0))
-    parts = [FoldSplit(order[:measured:rows] // rows, NO_ROWS, slice(None), none, none, own)]
+    by_fold, residual_by_fold, start, none = A[order], residual[order], 0, np.empty((len(order), 0))
+    parts = [FoldSplit(order[:measured:rows] // rows, NO_ROWS, slice(None), none, none, residual_by_fold)]
     for poses in test_poses:
         test = slice(start, start + rows * len(poses))
         others = np.concatenate([by_fold[:start], by_fold[test.stop :]])
@@ -311,8 +311,8 @@ def linearise(
         fitted = by_fold[test] @ truncated_svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
         # residual of a fit without these rows: (I − H_tt)⁻¹ r_t, with H the hat matrix of all rows, is (I + F Fᵀ) r_t
         # by Woodbury's identity (leave-out residuals: Cook 1977)
-        left = own[test] + fitted @ (fitted.T @ own[test])
-        parts.append(FoldSplit(poses, test, test, fitted, none[test], left))
+        test_residual = residual_by_fold[test] + fitted @ (fitted.T @ residual_by_fold[test])
+        parts.append(FoldSplit(poses, test, test, fitted, none[test], test_residual))
         start = test.stop
     none_selected = SelectedColumns.empty(len(order), len(parts))
     return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, measured, none_selected)

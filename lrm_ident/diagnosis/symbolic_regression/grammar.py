@@ -76,7 +76,9 @@ class Law:
     @property
     def torques_of(self) -> tuple[int, ...]:
         """Joints (from 0) whose torques enter it."""
-        return tuple(dict.fromkeys(one.torque_of for one in self.quantities if one.torque_of is not None))
+        return tuple(
+            dict.fromkeys(quantity.torque_of for quantity in self.quantities if quantity.torque_of is not None)
+        )
 
     @property
     def size(self) -> int:
@@ -106,8 +108,8 @@ class Law:
     def values(self, poses: Poses, torque: Array) -> Array:
         """(N, terms), every term at some poses; torque: (N, n), on the joints (N·m)."""
         given = {"poses": poses, "tau": torque.T[list(self.torques_of)]}
-        known = {quantity.name: eval(self.code_of(quantity), {}, given) for quantity in self.quantities}
-        columns = [np.asarray(eval(term, {"np": np}, known), dtype=np.float64) for term in self.terms]
+        values_by_name = {quantity.name: eval(self.code_of(quantity), {}, given) for quantity in self.quantities}
+        columns = [np.asarray(eval(term, {"np": np}, values_by_name), dtype=np.float64) for term in self.terms]
         return np.stack([np.broadcast_to(column, len(poses)) for column in columns], axis=1)
 
 
@@ -119,16 +121,16 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
     Args:
         torque: (N, n), on the joints (N·m).
     """
-    found = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
+    quantities = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
     for k, tau in enumerate(torque.T):
         one = _relative_quantity("tau" if k == joint else f"tau{k + 1}", "{tau}", tau)
-        found.append(replace(one, torque_of=k, foreign=k != joint))
-    found.append(_relative_quantity("load", "poses.carried", poses.payload))
+        quantities.append(replace(one, torque_of=k, foreign=k != joint))
+    quantities.append(_relative_quantity("load", "poses.carried", poses.payload))
     if poses.direction is not None:
-        found.append(_quantity("side", f"poses.approach({joint})", poses.direction[:, joint]))
+        quantities.append(_quantity("side", f"poses.approach({joint})", poses.direction[:, joint]))
     if poses.t is not None:
-        found.append(_relative_quantity("time", "poses.t", poses.t))
-    return tuple(quantity for quantity in found if quantity.levels > 1)
+        quantities.append(_relative_quantity("time", "poses.t", poses.t))
+    return tuple(quantity for quantity in quantities if quantity.levels > 1)
 
 
 def _quantity(name: str, code: str, values: Array, angle: bool = False) -> Quantity:
@@ -145,19 +147,19 @@ def _relative_quantity(name: str, code: str, values: Array) -> Quantity:
 
 def laws_at(joint: int, quantities: tuple[Quantity, ...]) -> Iterator[Law]:
     """Every law of the grammar at one joint."""
-    for one in quantities:
-        for terms in _terms_of_one(one):
-            yield Law(joint, (one,), terms)
-    for a, b in combinations([one for one in quantities if not one.foreign], 2):
+    for quantity in quantities:
+        for terms in _terms_of_one(quantity):
+            yield Law(joint, (quantity,), terms)
+    for a, b in combinations([quantity for quantity in quantities if not quantity.foreign], 2):
         for terms in _terms_of_two(a, b):
             yield Law(joint, (a, b), terms)
 
 
 def extensions_at(joint: int, slot: str, quantities: tuple[Quantity, ...]) -> Iterator[Law]:
     """Every law of the grammar by which the length `slot` (`a` or `d`) of the link after a joint grows."""
-    for one in quantities:
-        if one.name != "side":
-            yield from (Law(joint, (one,), terms, slot) for terms in _terms_of_one(one))
+    for quantity in quantities:
+        if quantity.name != "side":
+            yield from (Law(joint, (quantity,), terms, slot) for terms in _terms_of_one(quantity))
 
 
 def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:

@@ -67,16 +67,16 @@ def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluate
     Args:
         shared: cache of the terms, and fingerprints, of laws that are the same at every joint; filled here.
     """
-    found: dict[bytes, tuple[Law, Array]] = {}
-    for law in sorted(laws, key=lambda one: one.size):
+    distinct: dict[bytes, tuple[Law, Array]] = {}
+    for law in sorted(laws, key=lambda law_: law_.size):
         known = {} if any(quantity.name in OWN for quantity in law.quantities) else shared
         if law.terms not in known:
             terms = law.values(poses, torque)
             known[law.terms] = terms, _fingerprint(terms)
         terms, fingerprint = known[law.terms]
         if fingerprint:
-            found.setdefault(fingerprint, (law, terms))
-    return [law for law, _ in found.values()], [terms for _, terms in found.values()]
+            distinct.setdefault(fingerprint, (law, terms))
+    return [law for law, _ in distinct.values()], [terms for _, terms in distinct.values()]
 
 
 def _fingerprint(terms: Array) -> bytes:

@@ -100,16 +100,16 @@ def propose_law(
     fitted = fit(model, data, loss=loss, prior=typical_prior(model))
     on_progress("cross-validating the model as it is")
     before = error_stats(cross_validated_residual(fitted.model, data, loss=loss))
-    found = _propose(fitted, data, before, None, progress, on_progress)
+    proposal = _propose(fitted, data, before, None, progress, on_progress)
     for _ in range(1, MOST_LAWS):
-        best = found.best
+        best = proposal.best
         more = None if best is None else _propose(fitted, data, best.error, best, progress, on_progress).best
         if more is None:
             break
-        found = replace(found, best=more)
-    if found.best is not None and found.equivalent:
-        found = replace(found, next_poses=_separating_poses(found.best, found.equivalent, fitted, data))
-    return found
+        proposal = replace(proposal, best=more)
+    if proposal.best is not None and proposal.equivalent:
+        proposal = replace(proposal, next_poses=_separating_poses(proposal.best, proposal.equivalent, fitted, data))
+    return proposal
 
 
 def _propose(
@@ -127,24 +127,24 @@ def _propose(
     search = search_laws(linear, [one for one in groups if known is None or one.key == known.law.key], progress)
     without = linear.baseline.held_out
     nested = float(np.sqrt(search.nested.mean()))
-    found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
+    proposal = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
     if search.p_value > SIGNIFICANCE:
-        return replace(found, reason=f"the best of {len(search.laws)} laws is no better than on pure noise")
+        return replace(proposal, reason=f"the best of {len(search.laws)} laws is no better than on pure noise")
     if not predicts_better(search.nested, without, MIN_GAIN):
-        return replace(found, reason="no law predicts poses that were not used to choose it")
+        return replace(proposal, reason="no law predicts poses that were not used to choose it")
     order = np.argsort(search.squares.mean(axis=0))
     classed = _equivalent(search, order, without)
     refits: list[RefittedLaw] = []
     for law, _ in classed[:REFITS]:
         whole = law if known is None else known.law.plus(law)
         on_progress(f"refitting with {whole.formula}")
-        one = _refit(whole, fitted, data, found, known)
+        one = _refit(whole, fitted, data, proposal, known)
         refits += [] if one is None else [one]
     best = min(refits, key=lambda one: one.error.rms, default=None)
     if best is None or best.error.rms > (1.0 - MIN_GAIN) * before.rms:
-        return replace(found, reason="no law lowers the held-out error once everything is refitted")
+        return replace(proposal, reason="no law lowers the held-out error once everything is refitted")
     rivals = tuple(one for one in classed if one[0] is not best.law)
-    return replace(found, best=best, equivalent=rivals[:CLASS_SHOWN])
+    return replace(proposal, best=best, equivalent=rivals[:CLASS_SHOWN])
 
 
 def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> list[tuple[Law, float]]:
@@ -152,14 +152,14 @@ def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> 
     predict not significantly worse."""
     best = search.squares[:, order[0]]
     gain = float(without.mean() - best.mean())
-    found = []
+    rivals = []
     for i in order.tolist():
         squares = search.squares[:, i]
         if without.mean() - squares.mean() < EQUIVALENT_GAIN * gain:
             break
         if i == order[0] or paired_z(best, squares) < Z_THRESHOLD:
-            found.append((search.laws[i], float(np.sqrt(squares.mean()))))
-    return found
+            rivals.append((search.laws[i], float(np.sqrt(squares.mean()))))
+    return rivals
 
 
 def _refit(

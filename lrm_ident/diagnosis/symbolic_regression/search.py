@@ -81,10 +81,10 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
             theta, explained = _solve(whole.less(_products(own, test, fold.residual[:, None], group)), group, linear)
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
-            left = fold.residual[:, None] - predicted
-            held_out[fold.poses] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
+            remaining = fold.residual[:, None] - predicted
+            held_out[fold.poses] = (remaining**2).reshape(-1, linear.rows, remaining.shape[1]).sum(axis=1)
             squares_left = residual @ residual - residual[fold.absent] @ fold.residual
-            by_fold[k] = _bic_gain(explained, rows - len(left), squares_left, group)[:, 0]
+            by_fold[k] = _bic_gain(explained, rows - len(remaining), squares_left, group)[:, 0]
         gains = _bic_gain(_solve(whole, group, linear)[1], rows, (both**2).sum(axis=0), group)
         squares.append(held_out)
         fold_gain.append(by_fold)

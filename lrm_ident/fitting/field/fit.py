@@ -33,16 +33,16 @@ def fit_with_field(fitted: Fit, data: Measurements) -> Fit:
     values = np.concatenate([model.values, posterior.values])
     extended = Model(model.arm, (*model.effects, field), values, free, model.within, model.fitted_to, model.state)
     equilibrium = solve_equilibrium(extended, data.poses, tuple(fitted.equilibrium.slots))
-    left, parameters = data.position_error(equilibrium), fitted.effective_parameters + posterior.determined
-    square = float((fitted.weight * (left**2).sum(axis=1)).sum())
+    error, parameters = data.position_error(equilibrium), fitted.effective_parameters + posterior.determined
+    square = float((fitted.weight * (error**2).sum(axis=1)).sum())
     return replace(
         fitted,
         model=extended,
         equilibrium=equilibrium,
-        residual=left,
+        residual=error,
         covariance=block_diag(fitted.covariance, posterior.covariance),
         effective_parameters=parameters,
-        sigma=float(np.sqrt(square / max(left.size - parameters, 1.0))),
+        sigma=float(np.sqrt(square / max(error.size - parameters, 1.0))),
     )
 
 
@@ -65,17 +65,20 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
     """A block with the field that is learned from its training residual."""
     from lrm_ident.fitting.field.regression import field_posterior
 
-    known, unseen, left = poses.take(block.train), poses.take(block.test), block.train_residual
-    own = field.over(range_of(known))
-    values = field_posterior(own, known, left).values.tolist()
+    train_poses, unseen, train_error = poses.take(block.train), poses.take(block.test), block.train_residual
+    field_here = field.over(range_of(train_poses))
+    values = field_posterior(field_here, train_poses, train_error).values.tolist()
     apart = block.deployed_residual, block.time_unknown_residual
-    deployed, unknown = (None if one is None else _less_field(one, own, unseen, values) for one in apart)
+    deployed, unknown = (
+        None if apart_residual is None else _less_field(apart_residual, field_here, unseen, values)
+        for apart_residual in apart
+    )
     return replace(
         block,
         deployed_residual=deployed,
         time_unknown_residual=unknown,
-        train_residual=_less_field(left, own, known, values),
-        test_residual=_less_field(block.test_residual, own, unseen, values),
+        train_residual=_less_field(train_error, field_here, train_poses, values),
+        test_residual=_less_field(block.test_residual, field_here, unseen, values),
         weighted=None,
     )
 

@@ -90,10 +90,10 @@ def backward_elimination(axes: Sequence[AxisRegression], most: int) -> NDArray[n
     kept = np.ones((len(axes), len(axes[0].variance)), dtype=bool)
     while (surplus := int(kept.sum()) - most) > 0:
         squares = np.full(kept.shape, np.inf)
-        for own, axis, which in zip(squares, axes, kept, strict=True):
+        for square, axis, which in zip(squares, axes, kept, strict=True):
             # mean square of a term over the poses is c² |f|² (up to 1/N); a term that is gone counts as infinitely
             # large, so that it is not chosen again
-            own[which] = (axis.mean(np.flatnonzero(which)) ** 2) * np.diag(axis.gram)[which]
+            square[which] = (axis.mean(np.flatnonzero(which)) ** 2) * np.diag(axis.gram)[which]
         kept.ravel()[np.argsort(squares.ravel())[: (surplus + 1) // 2]] = False
     return kept
 
@@ -117,7 +117,7 @@ class AxisRegression:
         unit = float(np.sqrt((y**2).mean())) or 1.0
         gram, moment, prior = F.T @ F, F.T @ (y / unit), SpectralPrior(waves)
         start, lower, upper = np.log(prior.hyperparameters).T
-        found = minimize(
+        optimum = minimize(
             negative_log_likelihood,
             start,
             args=(gram, moment, float((y / unit) @ (y / unit)), len(y), prior),
@@ -126,8 +126,8 @@ class AxisRegression:
             method="L-BFGS-B",
             options={"maxiter": MAX_ITERATIONS, "ftol": TOLERANCE},
         ).x
-        variance = unit**2 * np.exp(prior.log_variance(found[:-1])[0])
-        signal, noise = unit * prior.signal(found), unit * float(np.exp(found[-1]))
+        variance = unit**2 * np.exp(prior.log_variance(optimum[:-1])[0])
+        signal, noise = unit * prior.signal(optimum), unit * float(np.exp(optimum[-1]))
         return AxisRegression(gram, unit * moment, variance, signal, noise)
 
     def mean(self, chosen: NDArray[np.int64]) -> Array:
@@ -214,6 +214,6 @@ def negative_log_likelihood(
     # ∂/∂ln s² of the value: ½ (1 − [A⁻¹]_ii − (A⁻¹ S^½ Fᵀy/σ²)_i²), with A the whitened precision
     by_variance = 0.5 * (1.0 - np.diag(inverse) - whitened**2)
     # ∂/∂ln σ: N − effective number of coefficients − |y − F m|²/σ²
-    left = square - 2.0 * (mean @ moment) + mean @ gram @ mean
-    by_noise = rows - (len(acts) - np.trace(inverse)) - left / noise
+    remaining = square - 2.0 * (mean @ moment) + mean @ gram @ mean
+    by_noise = rows - (len(acts) - np.trace(inverse)) - remaining / noise
     return float(value) / rows, np.append(by_variance @ slope[acts], by_noise) / rows

@@ -93,8 +93,8 @@ def _with_rows(factor: Array, rows: Array) -> Array:
 
     columns = rows.reshape(len(rows), -1).T
     # QR of a triangle on top of a rectangle: the triangle of [R; rows], without ever holding all rows
-    found, *_ = dtpqrt(0, min(PANEL, len(rows)), factor, columns, overwrite_a=True, overwrite_b=True)
-    return np.asarray(found)
+    updated, *_ = dtpqrt(0, min(PANEL, len(rows)), factor, columns, overwrite_a=True, overwrite_b=True)
+    return np.asarray(updated)
 
 
 def _weighted(

@@ -53,8 +53,8 @@ class QuadraticModel:
 
     def predicted_squares(self, z: Array) -> float:
         """Weighted sum of squared residuals at scaled parameters z (P,)."""
-        left = self.rows.residual - self.rows.columns @ (z - self.iterate.z)
-        return float(left @ left)
+        residual = self.rows.residual - self.rows.columns @ (z - self.iterate.z)
+        return float(residual @ residual)
 
     def predicted_decrease(self, trial: Iterate) -> float:
         """Decrease of the objective to first order from the iterate to a trial."""

@@ -43,32 +43,35 @@ def penalties_of(model: Model) -> tuple[Penalty, ...]:
 def _of_form(effect: Effect, free: Sequence[str]) -> list[Penalty]:
     """Penalty on the size of a form's free coefficients, and on the second differences along its curves."""
     names = [p.name for p in effect.parameters]
-    known = [row for row, key in enumerate(effect.keys) if key in free]
-    if not known:
+    free_rows = [row for row, key in enumerate(effect.keys) if key in free]
+    if not free_rows:
         return []
-    sizes, keys = np.array([effect.parameters[row].typical for row in known]), tuple(effect.keys[row] for row in known)
-    place = {names[row]: at for at, row in enumerate(known)}
-    found = [Penalty(keys, np.diag(sizes**-2.0))]
+    sizes, keys = (
+        np.array([effect.parameters[row].typical for row in free_rows]),
+        tuple(effect.keys[row] for row in free_rows),
+    )
+    place = {names[row]: at for at, row in enumerate(free_rows)}
+    penalties = [Penalty(keys, np.diag(sizes**-2.0))]
     triples = [three for curve in effect.curves for three in zip(curve, curve[1:], curve[2:], strict=False)]
-    second_differences = np.zeros((len(triples), len(known)))
+    second_differences = np.zeros((len(triples), len(free_rows)))
     for row, three in zip(second_differences, triples, strict=True):
         if all(name in place for name in three):
             row[[place[name] for name in three]] = 1.0, -2.0, 1.0
     if second_differences.any():
         second_differences /= sizes
-        found.append(Penalty(keys, second_differences.T @ second_differences))
-    return found
+        penalties.append(Penalty(keys, second_differences.T @ second_differences))
+    return penalties
 
 
 def with_penalties(prior: Prior | None, penalties: Sequence[Penalty], weights: Array) -> Prior | None:
     """The product of a prior, if there is one, and of the Gaussians of weighted penalties."""
     if not penalties:
         return prior
-    own = () if prior is None else prior.keys
-    keys = tuple(dict.fromkeys((*own, *(key for penalty in penalties for key in penalty.keys))))
+    stated_keys = () if prior is None else prior.keys
+    keys = tuple(dict.fromkeys((*stated_keys, *(key for penalty in penalties for key in penalty.keys))))
     precision, along = _precision(keys, penalties, weights), np.zeros(len(keys))
     if prior is not None:
-        rows, inverse = [keys.index(key) for key in own], np.linalg.inv(prior.covariance)
+        rows, inverse = [keys.index(key) for key in stated_keys], np.linalg.inv(prior.covariance)
         precision[np.ix_(rows, rows)] += inverse
         along[rows] += inverse @ prior.mean
     covariance = np.asarray(np.linalg.inv(precision))
@@ -98,8 +101,8 @@ class Smoothness:
 
         None where the stated prior is of an earlier fit, which holds them already.
         """
-        found = () if stated is not None and stated.noise is not None else penalties_of(model)
-        return Smoothness(found, np.array([initial_weight(penalty, model) for penalty in found]), stated)
+        penalties = () if stated is not None and stated.noise is not None else penalties_of(model)
+        return Smoothness(penalties, np.array([initial_weight(penalty, model) for penalty in penalties]), stated)
 
     @property
     def prior(self) -> Prior | None:

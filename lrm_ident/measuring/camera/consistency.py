@@ -38,7 +38,7 @@ SMALLEST_SCALE, SURE = 0.01, 4.0  # of the board's size, and standard errors
 
 
 @dataclass(frozen=True)
-class Step:
+class PhotoStep:
     """A step between the photos `before` and `before` + 1 (from 1): of `what`, by `shift` (m) and `turn` (rad)."""
 
     what: str
@@ -122,7 +122,7 @@ def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
     return 1.0 / (1.0 + float(scale)), error
 
 
-def find_step(photos: PhotoRegression) -> Step | None:
+def find_step(photos: PhotoRegression) -> PhotoStep | None:
     """A step of the camera or of the board's mount between two photos, if there surely is one."""
     count = len(photos.tool)
     _, _, before = photos.solved()
@@ -140,4 +140,4 @@ def find_step(photos: PhotoRegression) -> Step | None:
     size = float(np.sqrt(((moved[what] @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn
     if p_value > SIGNIFICANT or size < SMALLEST_STEP:
         return None
-    return Step(what, k, shift, turn)
+    return PhotoStep(what, k, shift, turn)

@@ -35,8 +35,6 @@ from lrm_math.motion.motion_model import MotionModel
 
 GRID_S = 0.02
 """s between the instants at which speeds of two clocks are compared."""
-STOOD_S = 0.3
-"""s for which a command must have stood before a cut, better longer."""
 GAP_S = 0.1
 """s between two frames of the tracker beyond which the tip between them is not known."""
 ALIKE = 0.5

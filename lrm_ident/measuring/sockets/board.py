@@ -13,7 +13,6 @@ from lrm_math.errors import LrmError
 COLUMNS, ROWS = 7, 5
 """Tiles of the plate; a socket is in the middle of each corner's tile."""
 RAISED = "E"
-CONE = "a cone of 90 deg"
 LEAST_MM, MOST_MM, LOWEST_MM = 30.0, 400.0, 5.0
 """Of sides, and of the post."""
 
@@ -76,8 +75,3 @@ class SocketBoard:
         head = tomli_w.dumps({"schema": "lrm/measurements/1", **named})
         measured = f"# what you measured, without the # (mm); it corrects the places above\n{distances}"
         return f"{head}\n[points]\n# nominal (mm)\n{points}\n[distances]\n{measured}"
-
-
-def ball_height_mm(diameter_mm: float) -> float:
-    """Height (mm) of a ball's centre over the apex of a cone of 90 deg in which it rests."""
-    return diameter_mm / math.sqrt(2.0)

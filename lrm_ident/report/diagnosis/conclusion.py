@@ -25,14 +25,19 @@ from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
-from lrm_math.effects import CATALOGUE, variants
+from lrm_math.effects import CATALOGUE, Effect, variants
 
-LISTED, STANDS_FOR, REASONS, REASONS_SHOWN = 4, 2, 3, 2
+LISTED, REASONS, REASONS_SHOWN = 4, 3, 2
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
-FIRST = ("estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most")
+FIRST = (
+    "estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
+    "hidden at most",
+)  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
-FOLDED = ("black-box model", "left out", "in the model")
+FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
+NOT_YET = "nothing yet: the cause is not certain"
+"""What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -62,11 +67,15 @@ UNKNOWN_FILES = CommandNames()
 
 @dataclass(frozen=True)
 class NextStep:
-    """Next thing to do: an imperative, the command for it where there is one, and the command after that."""
+    """Next thing to do: an imperative, the command for it where there is one, and the command after that.
+
+    `lead`: how it stands to the step before it.
+    """
 
     words: str
     command: str = ""
     then: str = ""
+    lead: str = "or"
 
 
 @dataclass(frozen=True)
@@ -87,14 +96,14 @@ class Conclusion:
         """The conclusion on a terminal."""
         steps: list[Block] = [""]
         for number, step in enumerate(self.next):
-            lead = "Next: " if number == 0 else "  or: "
+            lead = "Next: " if number == 0 else f"  {step.lead}: "
             if step.command:
                 then = [CommandLine(f"      Then: {step.then}")] if step.then else []
                 steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
         why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
-        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED)
+        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED and fact[1] != NOT_YET)
         return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
 
     @property
@@ -125,11 +134,10 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     )
 
 
-def _has_already(report: DiagnosisReport) -> str:
-    """The causes that the model has already, in words."""
+def _has_already(report: DiagnosisReport) -> dict[str, Effect]:
+    """The causes that the model has already, by their names."""
     here = [effect for effect in report.diagnosis.fit.model.effects if type(effect) in CATALOGUE]
-    names = dict.fromkeys(effect.name for effect in here if effect.id not in DEFAULT_EFFECTS)
-    return enumerate_words([plain_name(name) for name in names], LISTED)
+    return {effect.name: effect for effect in here if effect.id not in DEFAULT_EFFECTS}
 
 
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
@@ -164,14 +172,13 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
-    scale = scale_uncertainty(report.diagnosis.fit)
+    fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
+    scale = scale_uncertainty(fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
-        named = attribution != Support.DESCRIPTION and not first.equivalent
-        yield "repair", by_hand(first.scored.candidate.effect) if named else ""
     if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
         yield "black-box model", report.patterns.predictable.brief
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
@@ -182,9 +189,21 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
     if report.verdict.quiet:
-        yield "in the model", _has_already(report)
+        yield "in the model", enumerate_words(list(map(plain_name, _has_already(report))), LISTED)
+    yield "repair", _repair(report, attribution)
+    if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
+
+
+def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
+    """What to do with one's hands: about the identified cause, or about those that the model has already."""
+    first = report.first
+    if report.verdict.quiet:
+        return "; ".join(filter(None, map(by_hand, list(_has_already(report).values())[:LISTED])))
+    if first is not None and attribution == Support.FINDING and not first.equivalent:
+        return by_hand(first.scored.candidate.effect)
+    return NOT_YET
 
 
 def valid_where(report: DiagnosisReport) -> str:
@@ -279,7 +298,7 @@ def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
     """The causes that an empirical term may stand for."""
     present = {effect.name for effect in report.diagnosis.fit.model.effects}
     causes = [plain_name(name) for name in variants(first.scored.candidate.effect) if name not in present]
-    return enumerate_words(causes, STANDS_FOR)
+    return enumerate_words(causes, LISTED)
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -322,7 +341,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    return f"{in_mm(max(bounds.values()))} mm RMS by any one known effect (95 % bound)"
+    return f"{in_mm(max(bounds.values()))} mm RMS by any further known effect (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
@@ -331,18 +350,20 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield _without_effect(report, names)
         if report.verdict == Verdict.NOTHING_MISSING:
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
-            yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
+            yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
+    lead, words = "or", "Adds it to the model and refits all parameters."
     if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
         yield _to_distinguish(advice.plan.options, causes_of(report), names)
+        lead, words = "now", "Adds it, though its cause is not certain."
     if attribution == Support.DESCRIPTION:
-        yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
+        yield NextStep("Corrects the error without knowing its cause.", add, lead="now")
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
-        yield NextStep("Adds it to the model and refits all parameters.", add, then)
+        yield NextStep(words, add, then, lead)
         if not first.equivalent:
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
@@ -358,7 +379,7 @@ def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) ->
     """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"Writes poses that distinguish them. Measure the tip, append to {names.data}."
+    words = f"Writes poses that distinguish these. Measure there, append to {names.data}."
     poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)

@@ -12,10 +12,11 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to_estimates, objection_to_prediction
 from lrm_ident.diagnosis.judgement import Support
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
@@ -24,10 +25,10 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
+from lrm_ident.residual.scale_uncertainty import scale_of_step
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
-from lrm_ident.study.step import StudyStep
 from lrm_math.effects import EffectRef, effect_of
 from lrm_math.model.covariance import Covariance, implausible_estimates
 from lrm_math.model.deployed_model import field_of
@@ -38,24 +39,27 @@ if TYPE_CHECKING:
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
-STILL_OPEN = ("empirical term", "could be", "hidden at most")
+TRACKERS_SCALE = "tracker's scale"
+STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
 
 
-def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | None = None) -> Iterator[Block]:
+def step_blocks(number: int, step: Step, start: Step, nominal: float | None = None) -> Iterator[Block]:
     """One step of `auto`: errors, rival effects, and what was freed.
 
     Its bar is relative to that of the `start`; that of the `nominal` arm (m), where it is known, is cut short.
     """
-    held_out, before = (error_stats(one.held_out).rms for one in (step, start))
+    held_out, before = step.held_out_rms, start.held_out_rms
     bar = BLOCK * int(np.clip(round(BAR * held_out / max(before, 1e-12)), 1, BAR))
     if not number:
         yield heading(f"step  effect added                    mm RMS  held out (bar: 0 to {in_mm(before)} mm)")
         if nominal is not None:
             cut = f" … {nominal / before:.0f} times as long" if nominal > 1.5 * before else ""
             yield f"   –  {'nominal arm, before any fit':30s} {in_mm(nominal):>7s}  {BLOCK * BAR}{cut}"
-    there = "" if in_mm(step.deployed.now.rms) == in_mm(held_out) else f"  as deployed {in_mm(step.deployed.now.rms)}"
+    deployed = None if step.held_out is None else step.held_out.deployed
+    on_the_arm = in_mm(held_out if deployed is None else deployed.now.rms)
+    there = "" if on_the_arm == in_mm(held_out) else f"  as deployed {on_the_arm}"
     yield f"{number:4d}  {step.added or 'start: fitted model':30s} {in_mm(held_out):>7s}  {bar}{there}"
     if step.evidence.equivalent:
         rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
@@ -65,13 +69,15 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | N
         present = {effect.name: effect for effect in step.fit.model.effects}
         why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
         yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
+        if scale := scale_of_step(step.added, step.fit):
+            yield f"      scale {scale}"
     if step.freed:
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
 def step_document(
     effect: str,
-    step: StudyStep,
+    step: Step,
     before: ErrorSummary,
     after: ErrorSummary,
     known: Covariance | None = None,
@@ -91,15 +97,14 @@ def step_document(
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
     verdict = verdict_on(effect, step, before, after, known)
     values |= {"verdict": verdict or None}
-    told = [Facts((("verdict", verdict),))] if verdict else []
+    facts = (("verdict", verdict), (TRACKERS_SCALE, scale_of_step(effect, step.fit)))
+    told = [Facts(tuple((label, words) for label, words in facts if words))] if any(words for _, words in facts) else []
     blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *diagnose_next(files)]
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
 
 
-def verdict_on(
-    effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary, known: Covariance | None
-) -> str:
+def verdict_on(effect: str, step: Step, before: ErrorSummary, after: ErrorSummary, known: Covariance | None) -> str:
     """Whether the data support an effect that was added, in words; empty where no held-out error tells."""
     without, with_it, start = before.held_out, after.held_out, step.start
     if start is None or without.residual is None or with_it.residual is None or not (without.blocks and with_it.blocks):
@@ -124,7 +129,7 @@ def _step_headline(effect: str, before: ErrorSummary, after: ErrorSummary) -> It
         yield heading(f"With {plain_name(effect)} the held-out RMS error {change}.")
 
 
-def _said(step: StudyStep, effect: str) -> str:
+def _said(step: Step, effect: str) -> str:
     """An effect that was added, and that it is no cause where it is none."""
     return f"{effect}, {WHAT_IT_IS}" if field_of(step.fit.model) is not None else effect
 
@@ -157,8 +162,8 @@ def course_document(
                 "freed": step.freed,
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
-                "held_out_rms_mm": error_stats(step.held_out).rms * 1e3,
-                "as_deployed": step.deployed,
+                "held_out_rms_mm": step.held_out_rms * 1e3,
+                "as_deployed": None if step.held_out is None else step.held_out.deployed,
             }
             for number, step in enumerate(course.steps)
         ],
@@ -190,7 +195,7 @@ def course_document(
 def _last_errors(course: AutoRun, nested: NestedResidual) -> tuple[tuple[str, str], ...]:
     """Errors where the model's file tells no story."""
     again = () if nested.error is None else (("nested", f"{in_mm(nested.error.rms)} mm RMS, {ANEW}"),)
-    return (("error", f"{in_mm(error_stats(course.steps[-1].held_out).rms)} mm RMS held out"), *again)
+    return (("error", f"{in_mm(course.steps[-1].held_out_rms)} mm RMS held out"), *again)
 
 
 def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
@@ -225,7 +230,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     """The identified causes, those that the data cannot distinguish, the candidate causes, and the empirical terms."""
     steps = list(zip(course.steps[1:], course.attributions, course.explained, strict=True))
 
-    def named(term: AttributionTerm) -> list[AutoStep]:
+    def named(term: AttributionTerm) -> list[Step]:
         return [step for step, one, _ in steps if term_of(one.kind, step.evidence.equivalent) == term]
 
     if found := named("identified cause"):

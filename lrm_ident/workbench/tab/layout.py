@@ -85,8 +85,7 @@ class WorkbenchPage:
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
             if motion:
-                open_motion = "window.open('/lrm/motion')"
-                self._button("Motion", lambda: ui.run_javascript(open_motion), "what moves show, in a tab beside")
+                self._link("Motion", "/lrm/motion", "what moves show, in a tab beside; takes some seconds at first")
             self.bar.build_advice()
             with ui.element("details").classes("lrm-menu").props('id="lrm-menu"'):
                 with ui.element("summary"):
@@ -94,7 +93,7 @@ class WorkbenchPage:
                 with ui.element("div").classes("lrm-menu-list"):
                     self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
                     self._button("Save…", self._save, "write the model as a file (S)")
-                    self._button("Report", lambda: ui.run_javascript("window.open('/lrm/report')"), "all in one file")
+                    self._link("Report", "/lrm/report", "all in one file")
                     self._button("Commands", self._commands, "what was done, as commands (C)")
                     self._button("Live…", self._live, "follow a file that grows, or a rover")
                     ui.element("hr")
@@ -109,6 +108,11 @@ class WorkbenchPage:
         return button.props(
             f'data-name="{(name or text).lower()}" title="{hint}"' + (f' aria-label="{name}"' if name else "")
         )
+
+    def _link(self, text: str, address: str, hint: str) -> None:
+        """A button that opens a tab by itself: browsers block tabs that a script opens after the server's answer."""
+        where = f'href="{address}" target="_blank" data-name="{text.lower()}" title="{hint}"'
+        ui.button(text).props(f"no-caps unelevated dense outline {where}")
 
     # ---- refreshing
 

@@ -11,13 +11,12 @@ from itertools import count
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
-from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.confirm import Refit
 from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
@@ -113,10 +112,10 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
         """Notes the error that the step which is coming will have."""
         coming[:] = [in_mm(refit.error.rms)]
 
-    def on_step(step: AutoStep, study: Study) -> None:
+    def on_step(step: Step, study: Study) -> None:
         """Keeps the model of a step, and reports it to the page."""
         nonlocal packed
-        errors.append(in_mm(error_stats(step.held_out).rms))
+        errors.append(in_mm(step.held_out_rms))
         coming.clear()
         if step.added:
             kept = task.kept / tasks.kept_name(next(numbers))

@@ -27,7 +27,7 @@ from tests.support.daemon.guarded_sequence import (
 )
 from tests.support.sweep import seeds
 
-SEQUENCES, PER_TEST = len(seeds(50, 200)), 25
+SEQUENCES, PER_TEST = len(seeds(25, 200)), 25
 
 
 @pytest.mark.slow

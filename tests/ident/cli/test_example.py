@@ -22,7 +22,7 @@ def test_the_demo_tells_the_story_twice_in_one_folder(tmp_path: Path) -> None:
     for _ in range(2):
         said = stdout_of("demo", "-o", tmp_path / "story")
     assert "Missing from the model: backlash in joint 2" in said
-    assert "geometry and springs 3.03 → 1 identified cause 0.5" in " ".join(said.split()), (
+    assert "geometry and springs 3.03 → backlash in joint 2 0.5" in " ".join(said.split()), (
         "the whole course, not its last step"
     )
     last = read_toml(tmp_path / "story" / "best.toml", ModelFile).history[-1]

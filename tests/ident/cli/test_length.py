@@ -112,7 +112,7 @@ def test_the_output_fits_a_terminal(command: str) -> None:
     assert said.strip()
 
 
-ADVISED = re.compile(r"(?:^Next: |^  or: |Then: |Next: )(lrm-ident .*)$", re.M)
+ADVISED = re.compile(r"(?:^Next: |^  (?:or|now): |Then: |Next: )(lrm-ident .*)$", re.M)
 
 
 @pytest.mark.slow

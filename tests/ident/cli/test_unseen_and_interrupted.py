@@ -14,7 +14,7 @@ from rich.console import Console
 
 from lrm_ident.cli import common, diagnosis
 from lrm_ident.cli.common import TakesLonger, pausing_bars, timed
-from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.progress import TimeOfParts
 from lrm_ident.study.study import Study
 from lrm_math.model.model_file import load_model
@@ -69,7 +69,7 @@ def test_an_interrupted_run_keeps_the_model_of_the_last_step(tmp_path: Path, mon
     stdout_of("auto", begun, EXAMPLE, "--no-nested", "--max-effects", 1, "-o", model)
     real = Study.auto
 
-    def interrupted(self: Study, _: int, rates: Any, on_step: Callable[[AutoStep, Study], object]) -> Any:
+    def interrupted(self: Study, _: int, rates: Any, on_step: Callable[[Step, Study], object]) -> Any:
         real(self, 1, rates, on_step)
         raise KeyboardInterrupt
 

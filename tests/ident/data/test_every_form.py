@@ -99,6 +99,6 @@ def test_every_form_goes_through_every_command(form: str, tmp_path: Path) -> Non
     stdout_of("fit", data, "-o", model)
     stdout_of("compare", model, data)
     stdout_of("diagnose", model, data)
-    stdout_of("auto", model, data, "-o", tmp_path / "auto.toml", "--max-effects", "0")
+    stdout_of("auto", model, data, "-o", tmp_path / "auto.toml", "--max-effects", "0", "--no-nested")
     stdout_of("report", model, data, "-o", tmp_path / "report.html")
     stdout_of("predict", model, data, "-o", tmp_path / "predicted.csv")

@@ -13,9 +13,11 @@ from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.held_out import HeldOutBlock
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_math.arrays import Array
+from lrm_math.model.step_name import ADD, StepName
 
 POSES = 40
 Patch = pytest.MonkeyPatch
@@ -163,7 +165,8 @@ def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
     asked: list[list[str]] = []
     diagnosis = SimpleNamespace(equivalent={"one": ("twin",)}, rivals=lambda taken: asked.append(taken) or {"far": 1.0})
     before: Any = SimpleNamespace(diagnosis=diagnosis, share=0.5, describes=False, replicates=True)
-    start = auto.AutoStep("", None, np.zeros((1, 3)), None, None)  # type: ignore[arg-type]
-    step = auto._step(start, before, scored("one"))
+    evidence = auto._evidence(before, scored("one"))
+    fit: Any = None
+    step = Step(StepName(ADD, "one"), fit, fit, evidence=evidence)
     assert asked == [["one", "twin"]]
     assert (step.names, step.evidence.rivals) == (("one", "twin"), {"far": 1.0})

@@ -63,6 +63,16 @@ def reach(data: Measurements) -> Array:
     return np.stack([out * np.cos(q[:, 0]), out * np.sin(q[:, 0]), up], axis=1)
 
 
+@settings(max_examples=5)
+@given(st.integers(0, 2**16))
+def test_no_block_learns_from_another(seed: int) -> None:
+    """The kernel of a block must not come from one that saw its poses: their order changes nothing."""
+    data = poses_of(seed, 60)
+    residual = np.random.default_rng(seed + 1).normal(size=(60, 3)) * NOISE
+    data, blocks = replace(data, tcp=reach(data) + residual), blocks_of(data, residual)
+    np.testing.assert_array_equal(predictable_error(data, blocks).after, predictable_error(data, blocks[::-1]).after)
+
+
 @settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
 def test_gradient_of_the_marginal_likelihood(seed: int, inputs: int) -> None:

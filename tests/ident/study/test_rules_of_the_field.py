@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lrm_ident.diagnosis.step import Step
 from lrm_ident.study import field_step
 from lrm_ident.study.field_step import NoBetterPrediction
-from lrm_ident.study.step import StudyStep
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.model.step_name import ADD
@@ -23,7 +23,7 @@ def residual(rms: float) -> Array:
     return np.outer(rms * (1.0 + 0.01 * (-1.0) ** np.arange(200)), [1.0, 0.0, 0.0])
 
 
-def taken(patch: Patch, arm: Arm, among: float, beside: float) -> StudyStep:
+def taken(patch: Patch, arm: Arm, among: float, beside: float) -> Step:
     """The step of a field that leaves so much of an error of 1 mm among the poses (random folds), and beside them."""
     data: Any = SimpleNamespace(poses=SimpleNamespace(q=None), repeat_of=None)
     after = {"random": residual(among), "blocks": residual(beside)}

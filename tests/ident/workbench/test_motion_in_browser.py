@@ -14,7 +14,9 @@ from lrm_ident.workbench.motion_page import motion_figures, motion_page
 from tests.ident.motion.arm_in_motion import JOINT
 from tests.ident.motion.test_motion_study import study
 from tests.ident.workbench.test_axe_in_browser import faults
-from tests.support.browser import with_axe
+from tests.support.browser import opened, with_axe, workbench
+from tests.support.commands import stdout_of
+from validation.encoder_checkup.teleoperation import recorded, sound_arm, write_dataset
 
 
 @cache
@@ -66,3 +68,16 @@ def test_axe_finds_nothing_in_it(browser: Any, tmp_path: Path) -> None:
     found = faults(page, "motion", lambda: page.click("#lrm-theme"))
     page.context.close()
     assert not found, "\n".join(map(str, found))
+
+
+@pytest.mark.slow
+def test_the_button_of_the_workbench_opens_the_page_in_a_tab_beside(browser: Any, tmp_path: Path) -> None:
+    write_dataset(tmp_path / "moves", recorded(sound_arm(np.random.default_rng(5)), np.random.default_rng(6)), "v3.0")
+    stdout_of("motion", "fit", tmp_path / "moves", "-o", tmp_path / "motion.toml")
+    with workbench("--motion", tmp_path / "motion.toml", tmp_path / "moves", cwd=tmp_path) as running:
+        page = opened(browser, running, {"width": 390, "height": 900})
+        with page.context.expect_page() as beside:
+            page.click("[data-name=motion]")
+        beside.value.wait_for_selector("#lrm-left.js-plotly-plot")
+        assert beside.value.title() == "Motion: moves, so101"
+        page.context.close()

@@ -9,7 +9,7 @@ import pytest
 
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.motion.motion_model import MotionModel, effect_of
-from lrm_math.motion.settling import settling
+from lrm_math.motion.settling import settling, settling_after
 
 ARM = load_arm("so101")
 START, GOAL, SPEED = np.zeros(5), np.array([0.6, -0.3, 0.2, 0.1, 0.0]), np.radians(30.0)
@@ -20,6 +20,13 @@ def arm(frequency: float, damping: float) -> MotionModel:
     model = MotionModel.nominal(ARM)
     stated = {"frequency_Hz": frequency, "damping_ratio": damping, "b_rad": 0.0}
     return replace(model, values={key: stated[key.split(".")[-1]] for key in model.values})
+
+
+def swinging() -> MotionModel:
+    """Damped servos, and a base joint whose link swings for long."""
+    soft, swing = arm(4.0, 0.7), effect_of(ARM, "swing@joint1")
+    values = {key: {"frequency_Hz": 3.0, "damping_ratio": 0.02}[key.split(".")[-1]] for key in swing.keys}
+    return soft.with_joint((*soft.of_joint(0), swing), {**values, **soft.values}, {})
 
 
 def test_what_swings_less_settles_sooner_and_a_wider_distance_is_reached_sooner() -> None:
@@ -42,10 +49,22 @@ def test_the_envelope_of_a_single_joint_is_that_of_the_textbook() -> None:
 
 def test_an_arm_that_stays_has_settled_and_a_soft_joint_swings_longer() -> None:
     assert settling(arm(4.0, 0.7), START, START, SPEED, 1e-4).seconds == 0.0
-    soft = arm(4.0, 0.7)
-    swing = effect_of(ARM, "swing@joint1")
-    values = {key: {"frequency_Hz": 3.0, "damping_ratio": 0.02}[key.split(".")[-1]] for key in swing.keys}
-    loose = soft.with_joint((*soft.of_joint(0), swing), {**values, **soft.values}, {})
-    found = settling(loose, START, GOAL, SPEED, 1e-4)
+    found = settling(swinging(), START, GOAL, SPEED, 1e-4)
     assert found.joint == 0
-    assert found.seconds > 5.0 * settling(soft, START, GOAL, SPEED, 1e-4).seconds
+    assert found.seconds > 5.0 * settling(arm(4.0, 0.7), START, GOAL, SPEED, 1e-4).seconds
+
+
+def test_several_paths_and_frequencies_give_the_time_of_a_share_of_their_cases() -> None:
+    known, step = swinging(), 0.005
+    paths = np.stack([np.linspace(START, GOAL, 200)] * 3)
+    for k, ahead in ((1, 10), (2, 80)):  # those arrive sooner, and stand at the goal
+        paths[k] = np.vstack([paths[0, ahead:], np.tile(GOAL, (ahead, 1))])
+    single = sorted(
+        settling_after(known, START, path[None], step, 1e-4, offs=(off,)).seconds
+        for path in paths
+        for off in (0.9, 1.1)
+    )
+    for share, expected in ((1.0, single[-1]), (0.5, single[2]), (0.75, single[4])):
+        found = settling_after(known, START, paths, step, 1e-4, offs=(0.9, 1.1), share=share)
+        assert found.seconds == pytest.approx(expected)
+    assert single[0] < single[-1]

@@ -37,7 +37,7 @@ def swing(path: np.ndarray, model: MotionModel, phase: float) -> float:
     seconds = np.arange(0.0, len(path) * TICK + 2.2, h)
     shown = np.floor((seconds - phase) / FRAME) * FRAME + phase
     servos = path[np.clip(np.floor(shown / TICK + 1e-6).astype(int), 0, len(path) - 1)]
-    away = modes_at(model, path[-1]).deflections(servos, h)
+    away = modes_at(model, path[-1]).deflections(servos[:, None], h)[:, 0]
     tip = away[-round(2.0 / h) :] @ tip_jacobian(model, path[-1])
     return float(np.sqrt(np.mean(np.sum(tip**2, axis=1))))
 

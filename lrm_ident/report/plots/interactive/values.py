@@ -11,6 +11,7 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES, NextStep
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
@@ -62,7 +63,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
         "next": "" if commands else known.get("next_poses_hint", ""),
-        "commands": [[one.command, one.words, one.then] for one in commands],
+        "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -212,27 +213,25 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
     out = [
-        _candidate(view, advice, _standing(view["refused"], advice["is_form"], advice, first, weighted), weighted)
-        for view, advice in known
+        _candidate(view, advice, _standing(found, view["refused"], advice, first), weighted) for view, advice in known
     ]
     top = 0 if first is None or first["verdict"] == "no_evidence" else 1
     left = {one["name"]: one["heldOut"] * (one["standing"] != BESIDE) for one in out}
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
-def _standing(
-    refused: str, is_form: bool, advice: Mapping[str, Any], first: Mapping[str, Any] | None, weighted: bool
-) -> str:
+def _standing(found: ModelReport, refused: str, advice: Mapping[str, Any], first: Mapping[str, Any] | None) -> str:
     """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart."""
     if advice["verdict"] != "no_evidence":
-        if advice["verdict"] == SUPPORTED and is_form:
+        describes = found.diagnosis is not None and found.diagnosis.values["verdict"] == Verdict.EFFECT_DESCRIBES
+        if (advice["verdict"] == SUPPORTED and advice["is_form"]) or (advice is first and describes):
             return EMPIRICAL
         return BESIDE if advice is not first and advice["verdict"] == SUPPORTED else str(advice["verdict"])
     if refused:
         return "refused"
     if first is None or first["verdict"] == "no_evidence":
         return "no_evidence"
-    left, gain = advice["held_out_rms_mm"], _gain(advice, weighted)
+    left, gain = advice["held_out_rms_mm"], _gain(advice, found.poses.several_kinds)
     if left > (1.0 + AS_WELL) * first["held_out_rms_mm"]:
         return "partly" if gain is not None and gain > MIN_GAIN * (left + gain) else "no_evidence"
     return "explains_too" if len(advice["parameters"]) > len(first["parameters"]) else "as_well"

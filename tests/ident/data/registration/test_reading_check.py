@@ -63,7 +63,7 @@ def test_a_bad_arm_is_not_refused(name: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 1000), st.sampled_from(ARMS), st.integers(0, 2), st.booleans())
 def test_what_moved_meanwhile_is_no_misreading(seed: int, name: str, number: int, slipped: bool) -> None:
     """A base that was pushed along an axis by a fifth of the spread, or a joint whose horn slipped by 20 deg."""

@@ -11,7 +11,7 @@ const lrmMotion = (() => {
       marker: { color: colour("model") }, text: steps.map((one) => one.words), textposition: "auto", hoverinfo: "skip" };
     const noise = { type: "line", x0: values.noise, x1: values.noise, yref: "paper", y0: 0, y1: 1, line: { color: colour("ink"), dash: "dot" } };
     Plotly.react(place("steps"), [bars], layout({ dragmode: "zoom", shapes: [noise],
-      xaxis: { rangemode: "tozero", title: { text: `held-out error, ${values.unit} RMS (dotted: noise of a reading)` } },
+      xaxis: { rangemode: "tozero", title: { text: `held-out error, ${values.unit} RMS<br>(dotted: noise of a reading)` } },
       yaxis: { range: [steps.length - 0.5, -0.5], tickmode: "array", tickvals: steps.map((_, k) => k), ticktext: steps.map((one) => one.name), zeroline: false, showgrid: false },
     }), CONFIG);
   }

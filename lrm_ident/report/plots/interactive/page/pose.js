@@ -26,7 +26,7 @@ function lrmPose(page) {
   // Widths, dashes, radii: in parts of the size of the picture.
   function flat(about, side, lines, rings) {
     const all = [...lines.flatMap((one) => one.points), ...rings.map((one) => one.at)];
-    return [["from the side", (p) => [side(p), -p[2], 0]], ["from above", (p) => [p[0], -p[1], 0]]].map(([from, on]) => {
+    return lrmHtml`${[["from the side", (p) => [side(p), -p[2], 0]], ["from above", (p) => [p[0], -p[1], 0]]].map(([from, on]) => {
       const [low, high] = lrmScene.boxOf(all.map(on)), size = Math.max(high[0] - low[0], high[1] - low[1], 1), wide = 1.24 * size;
       const [left, top] = [0, 1].map((k) => (low[k] + high[k] - wide) / 2);
       return lrmHtml`<figure class="lrm-arm-view"><svg role="img" aria-label="${about} ${from}" viewBox="${left} ${top} ${wide} ${wide}">
@@ -34,7 +34,7 @@ function lrmPose(page) {
           stroke-width="${one.width * size}" stroke-dasharray="${one.dash * size}" stroke-opacity="${one.opacity}" stroke-linecap="round" stroke-linejoin="round"/>`)}
         ${rings.map((one) => lrmHtml`<circle cx="${on(one.at)[0]}" cy="${on(one.at)[1]}" r="${one.radius * size}" fill="${one.fill}" stroke="${colour("held")}"
           stroke-width="${0.015 * size}"/>`)}</svg><figcaption>${from}</figcaption></figure>`;
-    });
+    })}`;
   }
 
   // Both arms, from the side in the vertical plane through the TCP and from above.

@@ -32,7 +32,7 @@ function lrmSteps(page) {
 
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.map(([command, said, then], k) => lrmHtml`<br>${k ? "or: " : ""}<code>${command}</code> – ${said}${then ? lrmHtml` Then: <code>${then}</code>` : ""}`);
+    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? `${lead}: ` : ""}<code>${command}</code>${said}${then ? lrmHtml` Then:<code>${then}</code>` : ""}`);
     return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
   }
 

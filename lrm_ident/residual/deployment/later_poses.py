@@ -1,0 +1,58 @@
+"""Later poses predicted in order by the deployed model from those before them: forecasts with a growing window.
+
+A cross-validation interpolates in time. What goes on after a session is predicted from what went before it only
+(rolling origin: Tashman 2000).
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.residual.data_audit import joints_of_order
+from lrm_ident.residual.deployment.carried_states import FEWEST, with_carried_states
+from lrm_math.arrays import Array
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model
+
+FIRST_SHARE, WINDOWS = 0.5, 4
+"""Share of the poses before the first forecast; number of forecasts, each of as many poses."""
+SAME = 1e-3
+"""Part of the mean square by which forecasts of no pose differ where an effect began after the last of them."""
+
+
+def tells_of_later(data: Measurements) -> bool:
+    """Whether the poses have an order that follows no joint, and enough of them to forecast some from others."""
+    enough = len(data) * FIRST_SHARE >= max(FEWEST, WINDOWS) * 2
+    return enough and data.poses.number is not None and not joints_of_order(data.poses.q)
+
+
+def later_squares(fitted: Fit, data: Measurements) -> Array:
+    """(M,), squared errors (m²) of the poses after the first half, each predicted as deployed by a fit to those before.
+
+    A rover may know the time since power-on and what the arm did before, or not: the way that predicts better counts.
+
+    Raises `LrmError`: a fit does not converge.
+    """
+    rows, known, unknown = np.arange(len(data)), list[Array](), list[Array]()
+    edges = np.linspace(FIRST_SHARE * len(data), len(data), WINDOWS + 1).round().astype(np.int64)
+    for begin, end in pairwise(edges.tolist()):
+        before, later = data.take(rows[:begin]), data.take(rows[begin:end])
+        model = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before).model
+        known.append(_squares(as_deployed_at(model, later.poses), later))
+        unknown.append(_squares(as_deployed(model), later))
+    return min(np.concatenate(known), np.concatenate(unknown), key=lambda squares: float(squares.mean()))
+
+
+def _squares(deployed: Model, later: Measurements) -> Array:
+    error = later.position_error(solve_equilibrium(deployed, later.poses))
+    return np.asarray((error**2).sum(axis=1))
+
+
+def forecasts_alike(one: Array, other: Array) -> bool:
+    """Whether two forecasts (M,) are the same: what tells the models apart came after all that they were fitted to."""
+    return bool(np.abs(one - other).max() <= SAME * one.mean())
