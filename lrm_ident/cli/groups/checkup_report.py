@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from lrm_ident.study.study import Study
 
 UNSEEN = (
-    "They cannot show backlash and bending behind the servo, lengths and angles of the parts, where camera or "
-    "table stand, or a wrong zero that command and encoder share."
+    "Command and encoder cannot show backlash and bending behind the servo, lengths and angles of the parts, where "
+    "camera or table stand, or a wrong zero that they share."
 )
 AGAIN = "Repair or recalibrate it, record two minutes with some stops, and type:"
 BOARD = "Prints a board for lrm-ident camera read, which shows what encoders cannot see."

@@ -65,7 +65,7 @@ def test_the_command_names_it_in_words_and_changes_nothing(tmp_path: Path) -> No
     out = tmp_path / "out.json"
     said = " ".join(stdout_of("checkup", folder, "--json", out, code=1).split())
     assert f"{load_arm('so101').joints[joint].name} jumps by" in said
-    assert "They cannot show" in said
+    assert "Command and encoder cannot show" in said
     (finding,) = json.loads(out.read_text())["findings"]
     assert finding["cause"] == "slip"
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before

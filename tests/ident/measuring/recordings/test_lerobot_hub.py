@@ -38,7 +38,9 @@ def test_a_checkup_by_name_ends_with_a_code_by_its_findings_and_writes_a_card(ho
     write_dataset(
         home / "me" / "sound", recorded(sound_arm(np.random.default_rng(1)), np.random.default_rng(2)), "v3.0"
     )
-    assert "They cannot show" in stdout_of("checkup", "me/ailing", "--card", tmp_path / "card.md", code=1)
+    assert "Command and encoder cannot show" in stdout_of(
+        "checkup", "me/ailing", "--card", tmp_path / "card.md", code=1
+    )
     card = (tmp_path / "card.md").read_text()
     assert card.startswith("## Check of the arm\n")
     assert "jumps by" in card
