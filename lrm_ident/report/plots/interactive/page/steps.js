@@ -30,9 +30,14 @@ function lrmSteps(page) {
     place("verdict").textContent = now ? own : earlier;
   }
 
+  // A command to copy, whose lines break between its words, never inside an option.
+  function code(command) {
+    return lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${word}</span>`)}</code>`;
+  }
+
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? `${lead}: ` : ""}<code>${command}</code>${said}${then ? lrmHtml` Then:<code>${then}</code>` : ""}`);
+    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? `${lead}: ` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}`);
     return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
   }
 
