@@ -30,7 +30,7 @@ function lrmStory(page) {
       ...ends.map(([title, mm]) => ({ title, kind: "end", number: null, left: words(mm), left_mm: mm, before_mm: mm }))];
     const what = [`${story.held_out ? "RMS error at poses that the fit did not use (held-out)" : "RMS error on these data"}, mm. Pale: error that remains. Solid: error taken away.`,
       added ? "Hatched: what the chosen effect would take away." : "", noise === null ? "" : "Dotted line: measurement noise.",
-      scale < most ? "The bar of the nominal arm is cut short." : ""].filter(Boolean).join(" ");
+      scale < most ? "Bars with a gap are cut short." : ""].filter(Boolean).join(" ");
     const box = fill("story", lrmHtml`<ol class="lrm-waterfall" style="--noise: ${noise === null ? "-10%" : 100 * Math.min(noise / scale, 1) + "%"}">${rows.map((each) => row(each, scale))}</ol>
       <p class="lrm-small lrm-soft">${what}</p>`);
     for (const button of box.querySelectorAll("button")) button.onclick = () => showStep(Number(button.dataset.step));
