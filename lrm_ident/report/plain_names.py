@@ -32,11 +32,15 @@ def words_of(name: str, what: str) -> str:
     return WORDS.get(EffectRef.parse(name).id, {}).get(what, "")
 
 
-def by_hand(effect: Effect) -> str:
+def by_hand(*effects: Effect) -> str:
     """What to repair, or that the model corrects it; "" where nothing is known to do."""
-    repair = words_of(effect.name, "repair") if type(effect) in CATALOGUE else ""
-    either = " (or leave it: the model corrects it)" if repair and compensable(effect) else ""
-    return repair.format(place=place_in_words(effect.name)) + either
+    repairs = {True: list[str](), False: list[str]()}
+    for effect in effects:
+        if type(effect) in CATALOGUE and (repair := words_of(effect.name, "repair")):
+            repairs[compensable(effect)].append(repair.format(place=place_in_words(effect.name)))
+    each = "them" if len(repairs[True]) > 1 else "it"
+    corrected = f"{'; '.join(repairs[True])} (or leave {each}: the model corrects {each})" if repairs[True] else ""
+    return "; ".join(filter(None, [corrected, *repairs[False]]))
 
 
 def place_in_words(name: str) -> str:

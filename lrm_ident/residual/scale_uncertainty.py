@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_math.effects import ParameterRef
+from lrm_math.effects import EffectRef, ParameterRef
 from lrm_math.effects.tracker_errors import MeasurementFrame
 
 HALF = 0.5
@@ -55,5 +55,5 @@ def scale_uncertainty(fitted: Fit) -> ScaleUncertainty | None:
 
 def scale_of_step(added: str, fitted: Fit) -> str:
     """The sentence of the scale that a step leaves open which adds a tracker's frame; empty for others."""
-    found = scale_uncertainty(fitted) if added.partition("@")[0] == MeasurementFrame.id else None
+    found = scale_uncertainty(fitted) if added and EffectRef.parse(added).id == MeasurementFrame.id else None
     return "" if found is None else found.sentence

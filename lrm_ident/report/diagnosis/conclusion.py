@@ -200,7 +200,7 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     """What to do with one's hands: about the identified cause, or about those that the model has already."""
     first = report.first
     if report.verdict.quiet:
-        return "; ".join(filter(None, map(by_hand, list(_has_already(report).values())[:LISTED])))
+        return by_hand(*list(_has_already(report).values())[:LISTED])
     if first is not None and attribution == Support.FINDING and not first.equivalent:
         return by_hand(first.scored.candidate.effect)
     return NOT_YET

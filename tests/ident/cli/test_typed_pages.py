@@ -56,13 +56,15 @@ def test_the_method(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a part of the example as DATA.csv, and its arm as a URDF."""
+    """With a part of the example as DATA.csv, its arm as a URDF, and a fit to it as the model of the demo."""
     monkeypatch.chdir(tmp_path)
     part_of_example(tmp_path).rename("DATA.csv")
     Path("part.toml").rename("DATA.toml")
     Path("robot.urdf").write_text(ElementTree.tostring(bare_urdf(load_arm("lrm-lab")).tree, encoding="unicode"))
+    Path("lrm-demo").mkdir()
+    stdout_of("fit", "DATA.csv", "--arm", "lrm-lab", "-o", "lrm-demo/best.toml")
     printed = typed(ROOT / "README.md")
-    assert len(printed) == 6
+    assert len(printed) == 7
     assert "backlash@joint2" in printed["diagnose model.toml DATA.csv"]
     assert Path("report.html").exists()
     assert Path("sockets.stl").exists()
