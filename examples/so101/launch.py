@@ -64,7 +64,9 @@ def simulated_tracker(link: Path, seed: int) -> Iterator[str]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
-    process = subprocess.Popen([sys.executable, "-m", "examples.so101.tracker", str(link), port, str(seed)])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "examples.so101.tracker", str(link), port, str(seed)], stdout=subprocess.DEVNULL
+    )
     try:
         yield f"dtrack:{port}"
     finally:

@@ -30,6 +30,9 @@ from lrm_math.errors import LrmError
 from lrmd.sim.control_socket import ControlError, query_board
 from lrmd.sim.process import OneLineParser
 
+WAIT_S = 15.0
+"""For the arm, which may be started at the same moment."""
+
 
 def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
     """One frame after the other. Raises `ControlError` when the bus has gone."""
@@ -45,8 +48,20 @@ def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
         yield TrackerFrame(number, time.monotonic(), targets)
 
 
+def appears(link: Path, wait_s: float) -> bool:
+    """Whether the simulated arm answers at its link within so long."""
+    end = time.monotonic() + wait_s
+    while True:
+        with suppress(ControlError):
+            query_board(link, "joints")
+            return True
+        if time.monotonic() > end:
+            return False
+        time.sleep(FRAME_S)
+
+
 def main() -> None:
-    """Sends frames. A wrong command line is one line on stderr and exit code 2."""
+    """Sends frames. A wrong command line, or no arm, is one line on stderr and exit code 2."""
     usage = "python -m examples.so101.tracker LINK PORT SEED"
     parser = OneLineParser("python -m examples.so101.tracker", usage, "A tracker beside the simulated SO-101.")
     parser.add_argument("link", metavar="LINK", type=Path, help="device of the simulated arm, such as /tmp/so101")
@@ -58,6 +73,12 @@ def main() -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     link, port, seed = given.link, given.port, given.seed
+    if not appears(link, WAIT_S):
+        print(
+            f"error: {link}: no simulated arm; start it first: python -m examples.so101 {link} play 1", file=sys.stderr
+        )
+        sys.exit(2)
+    print(f"Sends frames to UDP port {port}, for --tracker dtrack:{port}, until the arm ends.", flush=True)
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with suppress(ControlError, KeyboardInterrupt):
         for frame in frames(link, seed):

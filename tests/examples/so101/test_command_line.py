@@ -26,6 +26,11 @@ def test_help_names_every_value() -> None:
     assert "valid: play, friction, gain" in stderr_of("so101", "sag", "1", program=program.main)
 
 
+def test_a_tracker_without_an_arm_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracker, "WAIT_S", 0.0)
+    assert "no simulated arm; start it first" in stderr_of(tmp_path / "so101", 5999, 1, program=tracker.main)
+
+
 @pytest.mark.slow
 def test_it_outlives_the_shell_and_says_farewell(tmp_path: Path) -> None:
     """Started by a shell that ends at once; LeRobot's file is written beside."""
