@@ -48,7 +48,7 @@ def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
         yield TrackerFrame(number, time.monotonic(), targets)
 
 
-def appears(link: Path, wait_s: float) -> bool:
+def arm_answers(link: Path, wait_s: float) -> bool:
     """Whether the simulated arm answers at its link within so long."""
     end = time.monotonic() + wait_s
     while True:
@@ -73,7 +73,7 @@ def main() -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     link, port, seed = given.link, given.port, given.seed
-    if not appears(link, WAIT_S):
+    if not arm_answers(link, WAIT_S):
         print(
             f"error: {link}: no simulated arm; start it first: python -m examples.so101 {link} play 1", file=sys.stderr
         )

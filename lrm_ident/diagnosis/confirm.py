@@ -29,7 +29,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.later_poses import forecasts_alike, later_squares, tells_of_later
+from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, rolling_origin_squares, same_forecasts
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
@@ -255,10 +255,10 @@ def _not_better_later(effect: Effect, before: Fit, after: Fit, data: Measurement
     Whether a state outlasts its session only later poses can tell. Other effects, and a change after the last forecast
     began, are judged by the cross-validation alone.
     """
-    if not of_a_session(effect) or effect.part is ModelPart.MEASUREMENT or not tells_of_later(data):
+    if not of_a_session(effect) or effect.part is ModelPart.MEASUREMENT or not allows_rolling_origin(data):
         return None
-    without, with_it = later_squares(before, data), later_squares(after, data)
-    if forecasts_alike(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:
+    without, with_it = rolling_origin_squares(before, data), rolling_origin_squares(after, data)
+    if same_forecasts(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:
         return None
     return float(np.sqrt(without.mean())), float(np.sqrt(with_it.mean()))
 

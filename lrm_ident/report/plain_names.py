@@ -32,15 +32,16 @@ def words_of(name: str, what: str) -> str:
     return WORDS.get(EffectRef.parse(name).id, {}).get(what, "")
 
 
-def by_hand(*effects: Effect) -> str:
+def repair_advice(*effects: Effect) -> str:
     """What to repair, or that the model corrects it; "" where nothing is known to do."""
-    repairs = {True: list[str](), False: list[str]()}
-    for effect in effects:
-        if type(effect) in CATALOGUE and (repair := words_of(effect.name, "repair")):
-            repairs[compensable(effect)].append(repair.format(place=place_in_words(effect.name)))
-    each = "them" if len(repairs[True]) > 1 else "it"
-    corrected = f"{'; '.join(repairs[True])} (or leave {each}: the model corrects {each})" if repairs[True] else ""
-    return "; ".join(filter(None, [corrected, *repairs[False]]))
+    known = [(effect, words_of(effect.name, "repair")) for effect in effects if type(effect) in CATALOGUE]
+    repairs = [
+        (compensable(effect), words.format(place=place_in_words(effect.name))) for effect, words in known if words
+    ]
+    corrected, others = ([words for can, words in repairs if can == wanted] for wanted in (True, False))
+    each = "them" if len(corrected) > 1 else "it"
+    choice = [f"{'; '.join(corrected)} (or leave {each}: the model corrects {each})"] if corrected else []
+    return "; ".join([*choice, *others])
 
 
 def place_in_words(name: str) -> str:

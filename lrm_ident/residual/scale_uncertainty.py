@@ -53,7 +53,7 @@ def scale_uncertainty(fitted: Fit) -> ScaleUncertainty | None:
     return ScaleUncertainty(variance**0.5, (variance * float((apart**2).sum(axis=1).mean())) ** 0.5)
 
 
-def scale_of_step(added: str, fitted: Fit) -> str:
+def scale_caveat(added: str, fitted: Fit) -> str:
     """The sentence of the scale that a step leaves open which adds a tracker's frame; empty for others."""
     found = scale_uncertainty(fitted) if added and EffectRef.parse(added).id == MeasurementFrame.id else None
     return "" if found is None else found.sentence

@@ -48,11 +48,11 @@ class Modes:
         """(k,), Hz, of the damped swing."""
         return np.asarray(self.omega * np.sqrt(np.maximum(1.0 - self.damping**2, 0.0)) / (2.0 * np.pi))
 
-    def deflections(self, servos: Array, h: float, off: float = 1.0) -> Array:
+    def deflections(self, servos: Array, h: float, frequency_factor: float = 1.0) -> Array:
         """(M + 1, B, n), of the joints (rad), where the servos turn along B ways (M + 1, B, n) at steps of h (s), from
-        rest. `off`: factor of all frequencies."""
+        rest. `frequency_factor`: of all natural frequencies."""
         coordinates = servos @ self.driven.T
-        swung = Swing.swung(coordinates, off * self.omega[None], self.damping[None], h)
+        swung = Swing.swung(coordinates, frequency_factor * self.omega[None], self.damping[None], h)
         return np.asarray((swung - coordinates) @ self.shape.T)
 
 

@@ -50,12 +50,12 @@ def settling_after(
     step: float,
     within: float,
     payload: float = 0.0,
-    offs: tuple[float, ...] = (1.0,),
+    frequency_factors: tuple[float, ...] = (1.0,),
     share: float = 1.0,
 ) -> Settling:
     """Of commanded angles `paths` (B, M, n), rad, each constant over a step (s), from rest at `start` (n,).
 
-    All paths end at one posture; each is tried with each factor of the swing's frequencies, `offs`. The answer has
+    All paths end at one posture; each is tried with each of the factors of the natural frequencies. The answer has
     settled in a `share` of these cases. `within`: m; `payload`: kg. The tip's deviation is that of the joints' by the
     Jacobian at the end of the path.
     """
@@ -63,7 +63,9 @@ def settling_after(
     modes = modes_at(model, goal, payload)
     after = round(float(np.clip(FADED / _slowest_fading(model, modes), SHORTEST_S, LONGEST_S)) / step)
     moved = _moved(model, np.concatenate([paths, np.tile(goal, (len(paths), after, 1))], axis=1), start, step)
-    turned = [moved] if modes is None else [moved + modes.deflections(moved, step, off) for off in offs]
+    turned = (
+        [moved] if modes is None else [moved + modes.deflections(moved, step, factor) for factor in frequency_factors]
+    )
     away = np.concatenate(turned, axis=1) - np.concatenate([moved[-1]] * len(turned))
     jacobian = tip_jacobian(model, goal)
     far = ~(np.linalg.norm(away[length:] @ jacobian, axis=2) <= within)  # what is no number is not near

@@ -31,7 +31,7 @@ LAST_S, REST_S, SOON_S = 1.2, 2.0, 0.2
 """s before the end from which jolts may wait; s in which the swing counts, and after the end when that begins."""
 LONGER, LEAST, MOST = 6, 40, 80
 """A move waits for a share 1/6 of its ticks, within 40 and 80 ticks."""
-PHASES, OFF = 6, (0.96, 1.0, 1.04)
+PHASES, FREQUENCY_FACTORS = 6, (0.96, 1.0, 1.04)
 """Phases of the frames; factors of the frequencies."""
 STARTS, PASSES = 3, 6
 
@@ -56,10 +56,10 @@ def waits_of(model: MotionModel, path: Array, tick: float, frame: float, payload
     phase = (np.arange(PHASES) + 0.5)[:, None] / PHASES * frame
     shown = np.ceil((seconds - phase) / frame) * frame + phase
     end = (length + most) * tick + SOON_S
-    later = np.concatenate([np.exp(off * own[:, None, None] * (end - shown)) for off in OFF])
+    later = np.concatenate([np.exp(factor * own[:, None, None] * (end - shown)) for factor in FREQUENCY_FACTORS])
     later = later.reshape(-1, len(seconds)).astype(np.complex64)
     swung = (weight[:, None] * (modes.driven @ turns[at - 1].T)).astype(np.float32)
-    jolts = np.repeat(np.tile(swung, (len(OFF), 1)), PHASES, axis=0)
+    jolts = np.repeat(np.tile(swung, (len(FREQUENCY_FACTORS), 1)), PHASES, axis=0)
     free = at > length - LAST_S / tick
     fixed = np.sum(jolts[:, ~free] * later[:, most + at[~free]], axis=1)
     waited = _Search(jolts[:, free].T, most + at[free], later, fixed, most).best()

@@ -22,15 +22,15 @@ from lrm_math.motion.modes import modes_at
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.settling import settling_after
 from lrm_math.motion.shaping import ShaperKind, shaper
-from lrm_math.motion.waits import waits_of
+from lrm_math.motion.waits import FREQUENCY_FACTORS, waits_of
 from lrmd.config import SECOND, Config
 from lrmd.control.ramp_orders import Leg, Pulses, overlaid
 from lrmd.ramp.shared_memory import IMPULSES
 from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
-PHASES, OFF, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), (0.96, 1.0, 1.04), 4
-"""Phases of the board's frames and factors of the frequencies with which settling is predicted; steps in a frame."""
+PHASES, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), 4
+"""Phases of the board's frames (shares of a frame) with which settling is predicted; steps in a frame."""
 SETTLED = 0.75
 """Share of these cases in which the tip has settled by the predicted time."""
 
@@ -83,8 +83,8 @@ class MotionPredictor:
         frames = math.ceil(ends / self._frame) + 1
         seen = np.stack([self._seen(path, phase, frames) for phase in PHASES])
         within = self._config.motion.within_mm * 1e-3
-        found = settling_after(model, path[0], seen, step, within, final_leg.payload, OFF, SETTLED)
-        return (frames + 0.5) * self._frame - ends + found.seconds if found.seconds else 0.0
+        settled = settling_after(model, path[0], seen, step, within, final_leg.payload, FREQUENCY_FACTORS, SETTLED)
+        return (frames + 0.5) * self._frame - ends + settled.seconds if settled.seconds else 0.0
 
     def _seen(self, path: Array, phase: float, frames: int) -> Array:
         """A path (M + 1, n), tick by tick, as servos see it in frames that begin at a phase (share of a frame), in

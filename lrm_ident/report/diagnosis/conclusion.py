@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import by_hand, plain_name
+from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
@@ -200,9 +200,9 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     """What to do with one's hands: about the identified cause, or about those that the model has already."""
     first = report.first
     if report.verdict.quiet:
-        return by_hand(*list(_has_already(report).values())[:LISTED])
+        return repair_advice(*list(_has_already(report).values())[:LISTED])
     if first is not None and attribution == Support.FINDING and not first.equivalent:
-        return by_hand(first.scored.candidate.effect)
+        return repair_advice(first.scored.candidate.effect)
     return NOT_YET
 
 

@@ -25,7 +25,7 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
-from lrm_ident.residual.scale_uncertainty import scale_of_step
+from lrm_ident.residual.scale_uncertainty import scale_caveat
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -69,7 +69,7 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
         present = {effect.name: effect for effect in step.fit.model.effects}
         why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
         yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
-        if scale := scale_of_step(step.added, step.fit):
+        if scale := scale_caveat(step.added, step.fit):
             yield f"      scale {scale}"
     if step.freed:
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
@@ -97,8 +97,9 @@ def step_document(
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
     verdict = verdict_on(effect, step, before, after, known)
     values |= {"verdict": verdict or None}
-    facts = (("verdict", verdict), (TRACKERS_SCALE, scale_of_step(effect, step.fit)))
-    told = [Facts(tuple((label, words) for label, words in facts if words))] if any(words for _, words in facts) else []
+    facts = (("verdict", verdict), (TRACKERS_SCALE, scale_caveat(effect, step.fit)))
+    stated = tuple((label, words) for label, words in facts if words)
+    told = [Facts(stated)] if stated else []
     blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *diagnose_next(files)]
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)

@@ -12,7 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.scale_uncertainty import scale_of_step, scale_uncertainty
+from lrm_ident.residual.scale_uncertainty import scale_caveat, scale_uncertainty
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
@@ -58,8 +58,8 @@ def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_e
     assert abs(common - SCALE / 3.0) < 2.0 * found.sd
     assert found.sd > 5e-4
     assert "distance_mm" in found.sentence
-    assert scale_of_step("measurement_frame@frame", fit) == found.sentence
-    assert not scale_of_step("frame_curve@frame", fit)  # said at the step that brought it, not again
+    assert scale_caveat("measurement_frame@frame", fit) == found.sentence
+    assert not scale_caveat("frame_curve@frame", fit)  # said at the step that brought it, not again
 
 
 def test_a_known_length_decides_it(lab: Arm) -> None:

@@ -60,11 +60,11 @@ def test_several_paths_and_frequencies_give_the_time_of_a_share_of_their_cases()
     for k, ahead in ((1, 10), (2, 80)):  # those arrive sooner, and stand at the goal
         paths[k] = np.vstack([paths[0, ahead:], np.tile(GOAL, (ahead, 1))])
     single = sorted(
-        settling_after(known, START, path[None], step, 1e-4, offs=(off,)).seconds
+        settling_after(known, START, path[None], step, 1e-4, frequency_factors=(off,)).seconds
         for path in paths
         for off in (0.9, 1.1)
     )
     for share, expected in ((1.0, single[-1]), (0.5, single[2]), (0.75, single[4])):
-        found = settling_after(known, START, paths, step, 1e-4, offs=(0.9, 1.1), share=share)
+        found = settling_after(known, START, paths, step, 1e-4, frequency_factors=(0.9, 1.1), share=share)
         assert found.seconds == pytest.approx(expected)
     assert single[0] < single[-1]

@@ -13,12 +13,12 @@ def drop_late_replies(robot: Any) -> None:
     request before, and nothing says so. Robots without such a bus are left as they are.
     """
     port = getattr(getattr(robot, "bus", None), "port_handler", None)
-    written = getattr(port, "clearPort", None)
-    if port is None or written is None:
+    wait_for_output = getattr(port, "clearPort", None)
+    if port is None or wait_for_output is None:
         return
 
     def clear() -> None:
-        written()
+        wait_for_output()
         port.ser.reset_input_buffer()
 
     port.clearPort = clear

@@ -117,7 +117,7 @@ const lrmScene = (() => {
       pen.fillStyle = colour("ink");
       pen.textAlign = "left";
       pen.textBaseline = "top";
-      pen.fillText(c.title, 6, 4);
+      pen.fillText(c.title, 6, 4, width - 12);
     }
 
     wire(canvas, self, on);

@@ -11,7 +11,7 @@ import pytest
 
 from lrm_ident.diagnosis import confirm
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.residual.deployment.later_poses import later_squares, tells_of_later
+from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, rolling_origin_squares
 from lrm_ident.study.study import Study
 from lrm_math.effects import ModelPart, effects_at
 from validation.as_deployed.worlds import SimulatedCase
@@ -34,15 +34,15 @@ def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Pa
     [one] = effects_at(plain.model.arm, effect)
     named = add_effects(plain.model, study.data, [one])
     assert named.sigma < plain.sigma
-    assert tells_of_later(study.data)
-    assert len(later_squares(named, study.data)) == len(study.data) / 4
+    assert allows_rolling_origin(study.data)
+    assert len(rolling_origin_squares(named, study.data)) == len(study.data) / 4
     assert confirm._not_better_later(one, plain, named, study.data) is None
 
 
 def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", part: object = ModelPart.ARM) -> bool:
     """Whether there is an objection to an effect with these forecasts, squared errors (M,)."""
-    patch.setattr(confirm, "tells_of_later", lambda _: True)
-    patch.setattr(confirm, "later_squares", lambda squares, _: squares)
+    patch.setattr(confirm, "allows_rolling_origin", lambda _: True)
+    patch.setattr(confirm, "rolling_origin_squares", lambda squares, _: squares)
     effect: Any = SimpleNamespace(depends_on=(depends_on,), part=part)
     return confirm._not_better_later(effect, without, with_it, None) is not None  # type: ignore[arg-type]
 

@@ -25,13 +25,13 @@ SAME = 1e-3
 """Part of the mean square by which forecasts of no pose differ where an effect began after the last of them."""
 
 
-def tells_of_later(data: Measurements) -> bool:
+def allows_rolling_origin(data: Measurements) -> bool:
     """Whether the poses have an order that follows no joint, and enough of them to forecast some from others."""
     enough = len(data) * (1.0 - FIRST_SHARE) >= FEWEST
     return enough and data.poses.number is not None and not joints_of_order(data.poses.q)
 
 
-def later_squares(fitted: Fit, data: Measurements) -> Array:
+def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
     """(M,), squared errors (m²) of the last quarter of the poses, predicted as deployed by fits to those before.
 
     A rover may know the time since power-on and what the arm did before, or not: the way that predicts better counts.
@@ -53,6 +53,6 @@ def _squares(deployed: Model, later: Measurements) -> Array:
     return np.asarray((error**2).sum(axis=1))
 
 
-def forecasts_alike(one: Array, other: Array) -> bool:
+def same_forecasts(one: Array, other: Array) -> bool:
     """Whether two forecasts (M,) are the same: what tells the models apart came after all that they were fitted to."""
     return bool(np.abs(one - other).max() <= SAME * one.mean())
