@@ -17,7 +17,7 @@ from lrm_math.model.model import model_of
 from lrmd.client import FkRequest, IkRequest, MotionInterrupted
 from lrmd.messages.kinematics import GoalEntry
 from tests.support.daemon.daemon_harness import arm_when_ready
-from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import LONGEST_LEASE, DaemonSetup, running_daemon, wait_for
 
 COMPLIANCE, CONSTANT_S = 0.08, 8.0
 GOALS, WAIT_S, DEADLINE_MS = 8, 6.0, 10_000.0
@@ -49,7 +49,8 @@ def errors_mm(folder: Path, goals: Array, loads: Array, waits: Sequence[float], 
         f'[deployed]\ncarried = {{ "creep@joint2" = "mean" }}\noffsets = {{ {offsets} }}\n'
         + (MEMORY.format(mean=mean, sd=sd, offsets=offsets) if remembers else "")
     )
-    setup, out = DaemonSetup.make(folder, {'# model = "/etc/lrm/model.toml"': f'model = "{model}"'}), []
+    own = {**LONGEST_LEASE, '# model = "/etc/lrm/model.toml"': f'model = "{model}"'}
+    setup, out = DaemonSetup.make(folder, own), []
     creep = f"--creep=joint2={COMPLIANCE}:{CONSTANT_S}"
     with running_daemon(setup, creep, "--dead-band-us=0.1") as (board, _), setup.rover() as rover:
         names = rover.info().names[:6]

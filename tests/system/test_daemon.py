@@ -27,6 +27,7 @@ from lrmd.messages.zenoh_session import client
 from lrmd.persistence.state_file import load
 from tests.support.daemon.daemon_harness import DaemonHarness, arm_when_ready, connected
 from tests.support.daemon.daemon_process import (
+    LONGEST_LEASE,
     SECOND,
     BoardProcess,
     DaemonProcess,
@@ -82,7 +83,7 @@ def running_harness(setup: DaemonSetup) -> Iterator[MovingHarness]:
 
 @pytest.fixture
 def harness(tmp_path: Path) -> Iterator[MovingHarness]:
-    with running_harness(DaemonSetup.make(tmp_path)) as harness:
+    with running_harness(DaemonSetup.make(tmp_path, LONGEST_LEASE)) as harness:
         yield harness
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from lrmd.client import Rover
 from tests.support.daemon.daemon_harness import arm_when_ready, wait_for_link
-from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import LONGEST_LEASE, SLOW_BOARD, DaemonSetup, running_daemon, wait_for
 
 START = (0.0, -60.0, 0.0, 0.0, 0.0, 0.0)
 FRAME_S = 1.0 / 30.0
@@ -40,7 +40,7 @@ LONG = ((0.0, 0.0), (0.5, 0.0), (8.5, 30.0), (12.0, 30.0), (20.0, 0.0))
 @contextmanager
 def armed(folder: Path) -> Iterator[tuple[DaemonSetup, Rover]]:
     """A daemon whose arm stands at the start with pulses, and nobody has its lease."""
-    setup = DaemonSetup.make(folder, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
+    setup = DaemonSetup.make(folder, {**SLOW_BOARD, **LONGEST_LEASE, "step_us = 1.0": "step_us = 10.0"})
     with running_daemon(setup, "--start-deg", ",".join(f"{q:g}" for q in START)), setup.rover() as rover:
         wait_for_link(rover)
         names = rover.info().names[:6]
