@@ -72,7 +72,7 @@ def continued(model: Model, goal: Array, q: Array) -> Array | None:
     return q
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.2e-3, 1.5e-3))
 def test_branches_that_continue_are_found(seed: int, size: float) -> None:
     model = with_field(("offsets", "compliance"), seed, size)

@@ -70,6 +70,7 @@ def test_a_mirror_is_read_and_every_method_has_a_figure(
     assert ours < 0.3
 
 
+@pytest.mark.soak
 def test_placements_that_no_method_saw_are_predicted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

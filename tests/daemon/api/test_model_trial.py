@@ -108,6 +108,7 @@ def test_whatever_stops_a_deployment_its_file_is_gone(
     for error in (KeyboardInterrupt, MemoryError, RecursionError, SystemExit, ZeroDivisionError, LrmError):
         for owner, step in (model_reload, "check_in_trial"), (model_reload, "load_checked"), (DeployedVersions, "save"):
             with monkeypatch.context() as broken:
+                broken.setattr(model_reload, "check_in_trial", mock.Mock())  # half a second for each process
                 broken.setattr(owner, step, mock.Mock(side_effect=error("no")))
                 with pytest.raises(error):
                     active.deploy(MODEL)

@@ -13,7 +13,6 @@ import pytest
 import lrm_ident as lrm
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import read_toml
-from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
 
 
@@ -38,8 +37,8 @@ def test_the_example_can_be_fitted_where_it_is_written(tmp_path: Path) -> None:
     assert "RMS error fell" in stdout_of("fit", tmp_path / "mine.csv", "-o", tmp_path / "model.toml")
 
 
-def test_a_model_is_summed_up_without_its_data(tmp_path: Path) -> None:
-    study = lrm.Study.of(lrm.load(EXAMPLE)).fit().add("backlash@joint2")
+def test_a_model_is_summed_up_without_its_data(tmp_path: Path, example_study: lrm.Study) -> None:
+    study = example_study.add("backlash@joint2")
     study.save(tmp_path / "best.toml")
     said = stdout_of("show", tmp_path / "best.toml", "--json", tmp_path / "best.json")
     assert said.startswith(study.summary().splitlines()[0])

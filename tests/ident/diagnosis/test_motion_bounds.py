@@ -38,7 +38,7 @@ def beyond_the_fit(folder: Path, seed: int, hidden: HiddenEffect) -> float:
 @pytest.mark.parametrize("name", HIDDEN)
 def test_bounds_cover_the_motion_that_a_hidden_effect_adds(tmp_path: Path, name: str) -> None:
     covered, shares = 0, []
-    arms = seeds(4, 20)
+    arms = seeds(2, 20)
     for seed in arms:
         model, data = upright_measurements(tmp_path, seed, POSES, NOISE, (HIDDEN[name],))
         fitted = fit_model(model, data, "identifiable", SQUARED).fit

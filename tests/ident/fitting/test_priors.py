@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting import cross_validation
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -283,7 +284,8 @@ def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_commands_know_the_prior(tmp_path: Path) -> None:
+def test_the_commands_know_the_prior(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cross_validation, "MOST_REFITTED", 0)
     model, data = tmp_path / "map.toml", part_of_example(tmp_path, 90)
     said = stdout_of("fit", data, "--prior", "printed", "-o", model, "--json", tmp_path / "fit.json")
     assert "With the prior, and with typical sizes" in said

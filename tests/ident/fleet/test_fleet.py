@@ -26,6 +26,8 @@ from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
 from tests.support.browser import SHOTS, BrowserLog, axe_violations, chromium, with_axe
 from tests.support.commands import stderr_of, stdout_of
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 
 def test_manifest_and_its_faults(tmp_path: Path) -> None:
     path = tmp_path / "manifest.csv"
@@ -197,6 +199,7 @@ def test_a_broken_arm_is_a_reason(manifest: Path, tmp_path: Path) -> None:
     assert record.reason.startswith("arm0.csv: ")
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_a_cluster_of_two_workers_finds_the_same_bit_for_bit(manifest: Path, tmp_path: Path, two_workers: str) -> None:
     members = read_manifest(manifest)[:2]

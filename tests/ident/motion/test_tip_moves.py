@@ -28,8 +28,7 @@ from lrm_math.model.model import model_of
 from lrm_math.motion.effects import RestOffset, ServoResponse, Swing
 from lrm_math.motion.motion_model import load_motion
 from lrmd.sim.swing import inertia
-from tests.conftest import EXAMPLE
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import stderr_of
 
 ARM = load_arm("lrm-rover")
 CLOCK_S, NOISE, SPEED, SERVO_S = 321.7, 2e-4, 0.5, 0.04
@@ -138,7 +137,7 @@ def test_another_motion_is_refused_in_one_line() -> None:
         tip_moves(log, other, model_of(ARM, ()))
 
 
-def test_one_mcap_file_has_commands_and_tip(tmp_path: Path) -> None:
+def test_one_mcap_file_has_commands_and_tip(tmp_path: Path, example_model: Path) -> None:
     log, track = recorded()
     path = tmp_path / "drive.mcap"
     write_mcap(path, log, track)
@@ -152,9 +151,7 @@ def test_one_mcap_file_has_commands_and_tip(tmp_path: Path) -> None:
         MotionSource(path, topic="/arm").moves(ARM)
     command = ("motion", "fit", path, "--arm", "lrm-rover", "-o", tmp_path / "motion.toml")
     assert "no joint states in /arm" in stderr_of(*command, "--topic", "/arm")
-    rest = tmp_path / "rest.toml"
-    stdout_of("fit", EXAMPLE, "-o", rest)
-    assert "is a model of lrm-lab" in stderr_of(*command, "--rest", rest)
+    assert "is a model of lrm-lab" in stderr_of(*command, "--rest", example_model)
     with pytest.raises(UnknownName, match="hand"):
         MotionSource(path, tool="hand").moves(ARM)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.so101.feetech_bus import FeetechBus
@@ -20,6 +20,7 @@ from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
+pytestmark = pytest.mark.usefixtures("hurried")
 MOST_TORQUE = 1000
 ARM = load_arm("so101")
 REGISTERS = st.sampled_from(
@@ -189,7 +190,6 @@ def test_a_missing_motor_and_a_wrong_number() -> None:
     assert refusal(line_of()).endswith("nor does any other: is the power on, is it the right port?")
 
 
-@settings(max_examples=6)  # of 1.5 s, in which no answer comes
 @given(st.floats(0.01, 3.0), st.integers(0, 4))
 def test_two_servos_of_one_number(apart: float, which: int) -> None:
     numbers = (1, 2, 3, 4, 5)
