@@ -17,17 +17,23 @@ from tests.support.commands import stdout_of
 
 
 @pytest.mark.slow
-def test_the_demo_tells_the_story_twice_in_one_folder(tmp_path: Path) -> None:
-    for _ in range(2):
-        said = stdout_of("demo", "-o", tmp_path / "story")
+def test_the_demo_tells_the_story_in_a_folder_where_it_was_told_before(
+    tmp_path: Path, example_study: lrm.Study
+) -> None:
+    (folder := tmp_path / "story").mkdir()
+    stdout_of("example", "-o", folder / "data.csv")
+    for name, study in (("model", example_study), ("best", example_study.add("backlash@joint2"))):
+        study.save(folder / f"{name}.toml")
+    stdout_of("report", folder / "best.toml", folder / "data.csv", "-o", folder / "report.html")
+    said = stdout_of("demo", "-o", folder)
     assert "Missing from the model: backlash in joint 2" in said
     assert "geometry and springs 3.03 → backlash in joint 2 0.5" in " ".join(said.split()), (
         "the whole course, not its last step"
     )
-    last = read_toml(tmp_path / "story" / "best.toml", ModelFile).history[-1]
+    last = read_toml(folder / "best.toml", ModelFile).history[-1]
     assert last.course is not None
     assert last.course.shows == {"backlash@joint2": "identified cause"}
-    assert {path.name for path in (tmp_path / "story").iterdir() if not path.name.startswith(".")} == {
+    assert {path.name for path in folder.iterdir() if not path.name.startswith(".")} == {
         "data.csv", "data.toml", "model.toml", "best.toml", "report.html",
     }  # fmt: skip
 

@@ -23,7 +23,7 @@ from lrm_math.model.model_file import ModelFile
 from lrm_math.model.step_name import REFIT, StepName
 from lrm_math.toml_file import read_toml
 from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
-from tests.support.browser import SHOTS, BrowserLog, axe_violations, chromium, with_axe
+from tests.support.browser import BrowserLog, axe_violations, chromium, shot, with_axe
 from tests.support.commands import stderr_of, stdout_of
 
 pytestmark = pytest.mark.usefixtures("one_step_folds")
@@ -74,8 +74,7 @@ def test_the_page_in_a_browser(identified: tuple[Path, str]) -> None:
         page.select_option("#lrm-tag", "batch")
         page.select_option("#lrm-key", "offsets.joint1.theta_rad")
         assert "theta" in (page.text_content("#lrm-parameter .ytitle") or "")
-        SHOTS.mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=SHOTS / "fleet.png", full_page=True)
+        shot(page, "fleet.png", full_page=True)
     assert not seen.errors, seen.errors
     assert not seen.foreign("file:")
 
@@ -94,7 +93,7 @@ def test_the_page_fits_every_screen(identified: tuple[Path, str], scheme: str) -
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
             mark = page.evaluate("document.querySelector('#lrm-parameter .annotation').getBoundingClientRect().right")
             assert mark <= page.evaluate("document.getElementById('lrm-parameter').getBoundingClientRect().right")
-            page.screenshot(path=SHOTS / f"fleet-{scheme}-{width}.png", full_page=True)
+            shot(page, f"fleet-{scheme}-{width}.png", full_page=True)
 
 
 @with_axe
