@@ -492,5 +492,5 @@ def test_state_machine(tmp_path_factory) -> None:
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
         DaemonStateMachine,
-        settings=settings(stateful_step_count=40, suppress_health_check=list(HealthCheck)),
+        settings=settings(stateful_step_count=25, suppress_health_check=list(HealthCheck)),
     )

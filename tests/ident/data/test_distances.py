@@ -40,6 +40,8 @@ from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import Sensed, from_anchor
 from tests.support.random_arms import random_arm
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 SD, POINT = 2e-4, np.array([0.15, -0.45, 0.05])
 ANCHOR = tuple(f"anchor.distance.{axis}_mm" for axis in "xyz")
 

@@ -26,6 +26,8 @@ from tests.ident.data.test_table_formats import NAMES, ROWS, text
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.sweep import seeds
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
 RELATION = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 CELLS = st.text(st.characters(codec="utf-8", exclude_categories=("C",)), max_size=8)

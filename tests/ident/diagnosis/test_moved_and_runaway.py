@@ -31,6 +31,8 @@ from validation.synthetic import base_displacement_to_deviations as as_deviation
 from validation.synthetic.generate import Schedule, directions
 from validation.synthetic.screws import rotation_matrix
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 NOISE, KINDS = 3e-4, (Session, Drift, ChangePoint, Backlash, ServoGain, Eccentricity, BaseCompliance, Coupling)
 
 

@@ -32,6 +32,8 @@ from validation.synthetic import GroundTruth, load_arm, measure, random_poses
 from validation.synthetic import base_displacement_to_deviations as as_deviations
 from validation.synthetic.generate import directions, even_schedule
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 NOISE, KINDS = 3e-4, (Backlash, ServoGain, Eccentricity, LateralCompliance)
 
 

@@ -115,6 +115,7 @@ def test_a_scheduler_that_is_killed_and_started_again(few: Path, tmp_path: Path,
     assert_whole(out)
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", [2], indirect=True)
 def test_a_worker_that_is_killed_in_the_middle(few: Path, tmp_path: Path, cluster: Cluster) -> None:

@@ -26,6 +26,8 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.commands import stderr_of
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 ARM = load_arm("two-joint")
 TRUE = model_of(ARM, effects_at(ARM, "offsets"), {"offsets.joint2.theta_rad": 0.02, "offsets.joint1.a_mm": 0.002})
 RNG = np.random.default_rng(0)
