@@ -58,8 +58,8 @@ test: setup ## ruff, mypy and all tests, three at a time: first all that compute
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
 
-quick: setup ## the unit tests that are not marked slow, in about a minute
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
+quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"
 
 offline: setup ## the tests of the offline tool alone, as macOS and Windows run them
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs -m "not slow" --ignore-glob '*_in_browser.py' tests/math tests/ik tests/ident

@@ -47,7 +47,7 @@ def _slow_files_first(items: list[pytest.Item]) -> None:
 
     A file stays together, since its tests share fixtures.
     """
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    slow = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("long")}
     files = sorted(dict.fromkeys(item.path for item in items), key=lambda path: path not in slow)
     place = {path: number for third in range(3) for number, path in enumerate(files[third::3], third * len(files))}
     items.sort(key=lambda item: place[item.path])

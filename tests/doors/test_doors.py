@@ -18,6 +18,8 @@ from tests.doors.laws import (
 from tests.doors.registry import door_kinds, motor_writers
 from tests.support.sweep import seeds
 
+pytestmark = pytest.mark.long
+
 QUICK, SLOW = 6, 1
 """Sequences of a door, and of one with processes behind it; more in `make soak`, most in `make doors`."""
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -24,6 +25,8 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from tests.ik.test_residual_field import LOWER, UPPER, commands, with_field
 from validation.calibrated_ik import distinct
+
+pytestmark = pytest.mark.long
 
 LEVER, REACHED = 0.1, 1e-8
 """m: of turns against distances; of the goal."""

@@ -25,6 +25,8 @@ from tests.support.sweep import seeds
 from validation.calibrated_ik import DISTINCT, distinct
 from validation.nameless_arm import measured
 
+pytestmark = pytest.mark.long
+
 LAB = load_arm("lrm-lab")
 LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))
 KNOWN = (

@@ -36,6 +36,8 @@ from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_po
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-ros2)")
 dynamic = pytest.importorskip("mcap_ros2._dynamic", reason="mcap-ros2-support is not installed")
 
+pytestmark = pytest.mark.long
+
 HERE = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
 """For processes: the bridge of this checkout, installed or not."""
 HASHES = {  # as `ros2 topic info --verbose` prints it

@@ -151,6 +151,7 @@ def test_parameters_of_one_load_serve_another_if_springs_are_linear(method: Opti
         assert crossed.error(1 - j, j).mean < 0.2 * error_stats(own.nominal).mean
 
 
+@pytest.mark.long
 def test_the_poses_are_the_exchange_searchs(lab: Arm, method: OptionStudy) -> None:
     empty = nominal_model(lab)
     J = identification_jacobian(solve_equilibrium(empty, method.data.poses), select_parameters(empty, "option3"))

@@ -132,6 +132,7 @@ LARGE_REPLIES = ("IkReply", "PlanReply", "Event", "ErrorReply")
 """Bounded as `FkReply` is, which takes most of them."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*(name for name in KINDS if name not in LARGE_REPLIES), *soak(*LARGE_REPLIES)])
 def test_no_bytes_of_a_kind_take_much_memory(name: str) -> None:
     """Measured by Python itself: a message of the daemon may hold a quarter of a million parts, a request far fewer."""
@@ -216,6 +217,7 @@ def extent(content: Any) -> MessageBounds:
     )  # fmt: skip
 
 
+@pytest.mark.long
 @given(content=CONTENT)
 def test_the_walk_over_the_bytes_finds_what_is_there(content: Any) -> None:
     """Bounds that a content just keeps are kept, and each of them by one less is not."""

@@ -110,6 +110,7 @@ def test_waits_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, waits
     assert sim.ramp.fault is RampFault.REFUSED
 
 
+@pytest.mark.long
 def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
     """At 50 Hz. The ramp takes the ticks that the controller foresees; only the last of two legs is timed."""
     config = config_at(50.0, tmp_path)
@@ -213,6 +214,7 @@ def test_the_shaping_of_the_configuration_waits_for_a_model(tmp_path) -> None:
     assert sim.core.handle(back, sim.now).final_leg.move.impulses != ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shaping", ["off", "zvdd"])
 @settings(max_examples=6)
 @given(at=st.integers(1, 250), soft=st.floats(1.0, 12.0))

@@ -30,6 +30,8 @@ from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.independent_distances import bodies_apart, link_frames
 from tests.support.sweep import soak
 
+pytestmark = pytest.mark.long
+
 ABOVE = np.array([0.57, 1.15, -0.75, -0.14, -0.76, -1.12])
 EVERYWHERE = {"low_m": [-1.0, -1.0, -1.0], "high_m": [1.0, 1.0, 1.0]}
 GROUND = ContactEntry(first="fingers", second="ground", **EVERYWHERE)

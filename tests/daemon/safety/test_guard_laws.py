@@ -27,6 +27,8 @@ from tests.support.daemon.guarded_sequence import (
 )
 from tests.support.sweep import seeds
 
+pytestmark = pytest.mark.long
+
 SEQUENCES, PER_TEST = len(seeds(8, 200)), 25
 
 

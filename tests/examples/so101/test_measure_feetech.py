@@ -28,6 +28,8 @@ from tests.support.sweep import soak
 from validation.lerobot_robot.fitted_model import fit_hidden
 from validation.synthetic import load_arm as described_arm
 
+pytestmark = pytest.mark.long
+
 POSES_DEG = ((0, 0, 0, 0, 0), (15, -10, 12, 5, -8), (-12, 8, -15, 10, 20), (6, 14, -6, -12, 4))
 QUICK = ("--pause", "0", "--settle", "0.1", "--dwell", "0.2", "--speed", "120")
 

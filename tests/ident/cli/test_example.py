@@ -15,6 +15,8 @@ from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import read_toml
 from tests.support.commands import stdout_of
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.slow
 def test_the_demo_tells_the_story_in_a_folder_where_it_was_told_before(

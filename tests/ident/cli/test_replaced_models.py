@@ -5,8 +5,12 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import pytest
+
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
+
+pytestmark = pytest.mark.long
 
 
 def test_a_fit_does_not_replace_the_result_of_added_effects(tmp_path: Path, example_model: Path) -> None:

@@ -21,6 +21,8 @@ from lrm_math.model.model_file import load_model
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 
+pytestmark = pytest.mark.long
+
 ARM = ("--arm", "lrm-lab")
 
 

@@ -24,7 +24,7 @@ from lrm_math.model.model import model_of
 from tests.support.sweep import soak
 from validation.as_deployed.leaning import Lean, leaning_recording
 
-pytestmark = pytest.mark.usefixtures("one_step_folds")
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 
 NOISE_MM = 0.52
 

@@ -18,7 +18,7 @@ from validation.hidden_effects.data import dataset
 from validation.hidden_effects.memory import WORLDS
 from validation.synthetic.hidden_memory import ViscoelasticJoint
 
-pytestmark = pytest.mark.usefixtures("one_step_folds")
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 
 POSES = 100
 by_name = {world.name: world for world in WORLDS}

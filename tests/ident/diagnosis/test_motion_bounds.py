@@ -18,6 +18,8 @@ from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
 from validation.synthetic import EccentricShaft, FrictionLag, HiddenEffect, SoftPlay
 
+pytestmark = pytest.mark.long
+
 POSES, NOISE = 80, 1e-3
 HIDDEN: dict[str, HiddenEffect] = {
     "backlash@joint2": SoftPlay(2, 0.006, 0.04),

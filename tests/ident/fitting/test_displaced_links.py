@@ -14,6 +14,8 @@ from lrm_ident.fitting.model_fit import fit_model
 from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
 
+pytestmark = pytest.mark.long
+
 NOISE = 3e-4
 WITHOUT = template("upright").replace("extra_z_mm = 0.0\n", "")
 

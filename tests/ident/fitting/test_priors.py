@@ -180,6 +180,7 @@ def test_data_without_noise_are_no_trouble(whole: Model) -> None:
     assert found.standard_error.max() > 0.5 * prior.sd_of(whole.keys).min()
 
 
+@pytest.mark.long
 def test_fewer_poses_than_parameters_will_do_but_not_too_few(whole: Model) -> None:
     prior = prior_of_typical_sizes(whole)
     assert fit(whole, measured(1, 20), prior=prior).effective_parameters < 45
@@ -222,6 +223,7 @@ def test_the_last_pattern_that_matches_holds(whole: Model) -> None:
         prior.mean_of(["drift.joint2.A_rad"])
 
 
+@pytest.mark.long
 def test_a_shape_is_fitted_where_the_prior_has_its_whole_key(lab: Arm) -> None:
     """Data that say little of it leave it at the prior's mean; a pattern leaves it where it was."""
     names = ("offsets", "compliance", "backlash@joint2")

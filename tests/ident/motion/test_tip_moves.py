@@ -92,6 +92,7 @@ def mean_hz() -> float:
     return float(HZ * np.sqrt(inertia(chain, POSTURE, 0.0)[0, 0] / mean))
 
 
+@pytest.mark.long
 def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> None:
     start = study()
     own = start.add("swing@joint1")
@@ -106,6 +107,7 @@ def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> Non
         assert document.json()
 
 
+@pytest.mark.long
 def test_the_picture_of_a_tip_names_what_was_tracked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
 
@@ -137,6 +139,7 @@ def test_another_motion_is_refused_in_one_line() -> None:
         tip_moves(log, other, model_of(ARM, ()))
 
 
+@pytest.mark.long
 def test_one_mcap_file_has_commands_and_tip(tmp_path: Path, example_model: Path) -> None:
     log, track = recorded()
     path = tmp_path / "drive.mcap"

@@ -18,6 +18,8 @@ from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("verdict", HEADLINES)
 def test_the_docs_quote_every_headline(verdict: Verdict) -> None:

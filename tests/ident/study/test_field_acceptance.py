@@ -22,6 +22,8 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.support.sweep import seeds
 
+pytestmark = pytest.mark.long
+
 ARM, NOISE, COUNT, WIDEST = load_arm("two-joint"), 3e-4, 70, 1.4
 
 

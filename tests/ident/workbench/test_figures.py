@@ -53,6 +53,7 @@ def test_the_arrow_scale_is_round_and_bounded(error: float, spread: float) -> No
     assert scale.largest > 0
 
 
+@pytest.mark.long
 def test_scale_and_steps_of_the_error_field(data: Measurements) -> None:
     assert data.arm is not None
     nominal, fitted = nominal_model(data.arm), lrm.fit(data).model

@@ -359,6 +359,7 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
     return check_path(bodies, np.array([scene.pose(q0), scene.pose(q1)]), scene.margin if margin is None else margin)[0]
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(shaped_arms, seeds, st.integers(2, 12), st.sampled_from([0.02, 0.3, 1.5]))
 def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, count: int, step: float) -> None:

@@ -50,6 +50,7 @@ def written(fit: Fit, data: Measurements, path: Path) -> ModelFile:
     return file
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 1000), size=st.integers(1, 12))
 def test_covariance_table_round_trip(lab: Arm, seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)

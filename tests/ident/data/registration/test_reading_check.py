@@ -44,6 +44,8 @@ from tests.support.commands import stderr_of, stdout_of
 from tests.support.sweep import seeds, soak
 from validation.misreadings import ARMS, HEALTHY, KINDS, healthy_data, misread, random_arm_data
 
+pytestmark = pytest.mark.long
+
 TWO_JOINTS = SHARED / "data" / "lrm-two-joint" / "measurements.csv"
 OPTION_1 = ["--parameters", "option1"]
 

@@ -129,6 +129,7 @@ def given(monkeypatch: pytest.MonkeyPatch, *findings: AdaptiveFindings) -> None:
     monkeypatch.setattr(adaptive, "random_poses_as_good", lambda *_: 100)
 
 
+@pytest.mark.long
 def test_a_name_is_sure_when_it_is_the_only_one_twice(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     sure = unsure(names=("a@b",))
     given(monkeypatch, unsure(), sure, unsure(names=("e@f",)), sure, sure)

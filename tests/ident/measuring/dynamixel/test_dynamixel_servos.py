@@ -79,6 +79,7 @@ def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], ec
     assert not line.bus.servos[5].powered
 
 
+@pytest.mark.long
 @given(ANGLES)
 def test_an_arm_goes_where_it_is_sent_with_bounded_torque(goal: list[float]) -> None:
     line = line_of(*NUMBERS)
@@ -101,6 +102,7 @@ def refusal(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> str:
     return str(caught.value)
 
 
+@pytest.mark.long
 def test_a_missing_motor_a_wrong_number_another_model_and_another_mode() -> None:
     assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
     assert "servo 9 does not answer; on the bus are 1, 2, 3, 4, 5" in refusal(line_of(*NUMBERS), (1, 2, 3, 4, 9))
@@ -115,6 +117,7 @@ def test_a_missing_motor_a_wrong_number_another_model_and_another_mode() -> None
         assert words in refusal(line)
 
 
+@pytest.mark.long
 @given(st.floats(0.01, 3.0), st.integers(0, 4))
 def test_two_servos_of_one_number(apart: float, which: int) -> None:
     line = line_of(*NUMBERS, NUMBERS[which])

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -48,6 +49,7 @@ def driven(line: BusLine, plan: list[tuple[list[float], list[int]]]) -> tuple[Ar
     return np.array(q), np.array(sides, dtype=float), np.array(states)
 
 
+@pytest.mark.long
 @given(PLANS)
 @settings(max_examples=12)
 def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], list[int]]]) -> None:
@@ -56,6 +58,7 @@ def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], 
     np.testing.assert_allclose(found, states, atol=0.1)  # a step of the encoder of the shortest travel
 
 
+@pytest.mark.long
 @given(PLANS, st.integers(1, 5))
 @settings(max_examples=6)
 def test_where_it_is_not_known_where_the_arm_stood_friction_has_turned_over(

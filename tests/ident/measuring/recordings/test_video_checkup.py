@@ -30,6 +30,8 @@ from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses
 from validation.camera.teleoperated_video import CAMERA as FRONT
 from validation.camera.teleoperated_video import FilmedStops, write_filmed
 
+pytestmark = pytest.mark.long
+
 STOPS = 42
 QUICK = FilmedStops(10, 7, 1, "mpeg4", (("qscale", "1"),), 2)
 ARM = load_arm("so101")

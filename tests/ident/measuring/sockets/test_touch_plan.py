@@ -17,6 +17,8 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.model.model import model_of
 from tests.support.commands import run_command
 
+pytestmark = pytest.mark.long
+
 ARM, POINTS = load_arm("so101"), SocketBoard().points
 
 
