@@ -15,7 +15,6 @@ from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows
 from tests.conftest import EXAMPLE
 from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for, workbench
 from tests.support.commands import FEW, stdout_of
-from tests.support.sweep import seeds
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -168,8 +167,9 @@ def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_p
         page.context.close()
 
 
+@pytest.mark.soak
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [(390, 1440, 800)[k] for k in seeds(2, 3)])
+@pytest.mark.parametrize("width", [390, 800, 1440])
 def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
     """Page and report, each from its top to its end."""
     page = opened(browser, small, {"width": width, "height": 900})

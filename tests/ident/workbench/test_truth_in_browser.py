@@ -177,15 +177,21 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     assert [one for one in seen.errors if "400" not in one] == []
 
 
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of a fit and a step."""
+    folder = tmp_path_factory.mktemp("report")
+    data = part_of_example(folder)
+    lrm.Study.of(lrm.load(data)).fit().add("backlash@joint2").save(folder / "m.toml")
+    stdout_of("report", folder / "m.toml", data, "-o", folder / "r.html")
+    return folder / "r.html"
+
+
 @pytest.mark.slow
-def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
+def test_the_report_on_paper(browser: Any, report: Path) -> None:
     """Charts are as wide as the page and no part lies over another; the cards come first."""
-    data = part_of_example(tmp_path)
-    stdout_of("fit", data, "-o", tmp_path / "m.toml")
-    stdout_of("add", tmp_path / "m.toml", data, "backlash@joint2", "-o", tmp_path / "n.toml")
-    stdout_of("report", tmp_path / "n.toml", data, "-o", tmp_path / "r.html")
     page = browser.new_context(viewport=SIZE, color_scheme="dark").new_page()
-    page.goto((tmp_path / "r.html").as_uri())
+    page.goto(report.as_uri())
     wait_for(page, "document.querySelector('#lrm-card-1 .main-svg')")
     assert "nominal" in page.inner_text("#lrm-fall")
     shot(page, "paper.pdf")
@@ -300,12 +306,9 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
 
 
 @pytest.mark.slow
-def test_a_report_remembers_its_theme(browser: Any, tmp_path: Path) -> None:
-    data = part_of_example(tmp_path)
-    stdout_of("fit", data, "-o", tmp_path / "m.toml")
-    stdout_of("report", tmp_path / "m.toml", data, "-o", tmp_path / "r.html")
+def test_a_report_remembers_its_theme(browser: Any, report: Path) -> None:
     page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
-    page.goto((tmp_path / "r.html").as_uri())
+    page.goto(report.as_uri())
     page.click("#lrm-theme")
     wait_for(page, "document.documentElement.dataset.theme === 'dark'")
     page.wait_for_timeout(STORED_MS)
