@@ -16,7 +16,6 @@ import pytest
 import yaml
 
 from tests.conftest import ROOT
-from tests.package.test_wheel import wheel as wheel
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 INTEGRATIONS = sorted(path.parent for path in (ROOT / "integrations").glob("*/pyproject.toml"))

@@ -95,6 +95,7 @@ def test_both_errors_are_shown_and_apart() -> None:
     assert entry.deployed_rms_mm == pytest.approx(1e3 * deployed.now.rms)
 
 
+@pytest.mark.long
 def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tmp_path: Path) -> None:
     """Cold and warm poses count alike, as the daemon predicts them; where the time is not known is said beside it."""
     data = measured({"drift.joint1.A_rad": 0.05})
@@ -173,6 +174,7 @@ def test_a_model_of_lasting_effects_has_one_error() -> None:
     assert study.held_out.deployed.now.rms == study.held_out.error.rms
 
 
+@pytest.mark.long
 def test_the_state_is_in_every_file_that_leaves(tmp_path: Path) -> None:
     """A prediction at other poses and an exported robot file have the zero of the warm arm."""
     data = measured({"drift.joint1.A_rad": 0.05})
