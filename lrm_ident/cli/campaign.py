@@ -251,7 +251,7 @@ def verify(
     """Send the tip to goals through inverse kinematics with a model, and measure where it lands.
 
     Uses the daemon's model, or --model with LeRobot or bare servos. Prints the measured error beside the predicted
-    one: rounding to counts, and the uncertainty of the model.
+    one: rounding to counts, the uncertainty of the model, and the error that it left at the poses of its fit.
     """
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock, connected
