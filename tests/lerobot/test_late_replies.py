@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from lrm_math.arm.lerobot_late_replies import drop_late_replies
+
 pytest.importorskip("lerobot")
 sdk = pytest.importorskip("scservo_sdk")
-
-from lerobot_robot_lrm.late_replies import drop_late_replies  # noqa: E402
 
 PING, LATE, FRESH = [0xFF, 0xFF, 1, 2, 1, 0], bytes([0xFF, 0xFF, 1, 2, 0, 0xFC]), bytes([0xFF, 0xFF, 1, 2, 4, 0xF8])
 
