@@ -17,6 +17,8 @@ from lrm_math.motion.spring_step import sprung
 
 LEAST_INERTIA = 0.05
 """J/J₀ of a posture that is lighter than any."""
+IMPLICIT = 4
+"""Times that a friction which falls with speed is put into its own step."""
 
 
 def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: JointDrive) -> Array:
@@ -64,8 +66,11 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
             force = force - _mean_excess(force, force - pushed[k] * limited - moved[k] * v, most)
         then = kicked[k] * force + slowed[k] * v
         if dry:
-            bound = rubs[k] + sum(effect.friction_at(v, p) for effect, p in fading)
-            rub = np.clip(-then / kicked[k], -bound, bound)
+            rub = np.zeros_like(q)
+            for _ in range(IMPLICIT if fading else 1):  # friction at the mean speed of the step
+                mean = 0.5 * (v + then + kicked[k] * rub) if fading else v
+                bound = rubs[k] + sum(effect.friction_at(mean, p) for effect, p in fading)
+                rub = np.clip(-then / kicked[k], -bound, bound)
             force, then = force + rub, then + kicked[k] * rub
         q = q + pushed[k] * force + moved[k] * v
         v = then
