@@ -17,6 +17,7 @@ WORDS: Mapping[str, Mapping[str, str]] = tomllib.loads(
 """What people read of each effect by its id: `name`, and where there is one `repair` and `sketch`."""
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
+AFTER_REPAIR = ", then measure and fit again"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 
 
@@ -33,15 +34,15 @@ def words_of(name: str, what: str) -> str:
 
 
 def repair_advice(*effects: Effect) -> str:
-    """What to repair, or that the model corrects it; "" where nothing is known to do."""
+    """What to repair and to do then, or that the model corrects it; "" where nothing is known to do."""
     known = [(effect, words_of(effect.name, "repair")) for effect in effects if type(effect) in CATALOGUE]
     repairs = [
         (compensable(effect), words.format(place=place_in_words(effect.name))) for effect, words in known if words
     ]
     corrected, others = ([words for can, words in repairs if can == wanted] for wanted in (True, False))
     each = "them" if len(corrected) > 1 else "it"
-    choice = [f"{'; '.join(corrected)} (or leave {each}: the model corrects {each})"] if corrected else []
-    return "; ".join([*choice, *others])
+    choice = [f"{'; '.join(corrected)}{AFTER_REPAIR} (or leave {each}: the model corrects {each})"] if corrected else []
+    return "; ".join([*choice, *others]) + ("" if choice or not others else AFTER_REPAIR)
 
 
 def place_in_words(name: str) -> str:

@@ -112,7 +112,10 @@ def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, 
 
 def _alone(rivals: Mapping[str, float]) -> dict[str, str]:
     free = {kind.id for kind in FREE_FORMS}
-    curve = {name: "; a spline, with more parameters" if EffectRef.parse(name).id in free else "" for name in rivals}
+    curve = {
+        name: "; a smooth curve (spline), with more parameters" if EffectRef.parse(name).id in free else ""
+        for name in rivals
+    }
     return {name: f"alone it would have left {in_mm(left)} mm{curve[name]}" for name, left in rivals.items()}
 
 

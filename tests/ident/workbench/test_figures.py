@@ -219,7 +219,7 @@ def test_every_effect_has_a_plain_name() -> None:
     for kind in (*CATALOGUE, *FREE_FORMS):
         assert WORDS[kind.id]["name"]
         assert "{" not in plain_name(f"{kind.id}@joint2")
-    assert plain_name("cable_curve@joint1+joint2") == "a free curve over joints 1 and 2 (spline)"
+    assert plain_name("cable_curve@joint1+joint2") == "a smooth curve over joints 1 and 2"
     assert plain_name("my_own@tool") == "my own of tool"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import in_mm, p_words, quantity
+from lrm_ident.data.wording import UNSEEN, in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES, NextStep
@@ -55,6 +55,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
         "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
+        "unseen": UNSEEN,
         "story": None if found.story is None else _story(found.story),
         "cards": _cards(found),
         "together": _together(found),
