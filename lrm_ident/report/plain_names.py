@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lrm_math.arm.place_names import place_words
@@ -49,6 +50,13 @@ def place_in_words(name: str) -> str:
     """Where the effect `id@place` acts: `joint 2`, `base and tracker`."""
     kind, place = EffectRef.parse(name)
     return (session_words if kind in OF_A_SESSION else place_words)(place or "all places")
+
+
+def effects_in_words(names: Sequence[str]) -> str:
+    """Effects (`id@place`) by their kind: how many places of those at several, plain names of the others."""
+    places = Counter(EffectRef.parse(name).id for name in names)
+    several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
+    return ", ".join([*several, *(plain_name(name) for name in names if places[EffectRef.parse(name).id] == 1)])
 
 
 def step_title(step: StepName) -> str:

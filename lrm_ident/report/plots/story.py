@@ -48,9 +48,7 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
             axes.barh(row, min(one.before_mm, scale) - min(one.left_mm, scale), left=one.left_mm, color=colour)
             cut = " (bar cut short)" if one.left_mm > scale else ""
             where = (min(one.before_mm, scale), row)
-            axes.annotate(
-                f"{in_mm(one.left_mm * MM)}{cut}", where, xytext=(4, 0), textcoords="offset points", va="center"
-            )
+            axes.annotate(f"{in_mm(one.left_mm * MM)}{cut}", where, **BESIDE)
         for row, (_, value) in enumerate(ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)
             axes.annotate(in_mm(value * MM), (value, row), **BESIDE)

@@ -51,10 +51,8 @@ function lrmSteps(page) {
   // ---- cards
 
   function drawCards() {
-    const box = place("cards"), v = state.values, all = v.together;
-    if (drawCards.of !== v) {
-      fill("cards", lrmHtml`${v.cards.map(article)}${all ? lrmHtml`<p class="lrm-together">All ${all.steps} steps together: ${all.fall} mm${all.held_out ? ` ${v.unseen}` : ""}.</p>` : ""}`);
-    }
+    const box = place("cards"), v = state.values;
+    if (drawCards.of !== v) fill("cards", lrmHtml`${v.cards.map(article)}`);
     drawCards.of = v;
     box.closest("section").hidden = !v.cards.length;
     v.cards.forEach(drawCard);
