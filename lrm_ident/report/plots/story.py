@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file
 from lrm_ident.report.story import Kind, Story
 from lrm_math.arm.arm_file import MM
@@ -62,9 +62,7 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
         axes.set_yticks(range(rows), [*names, *(name for name, _ in ends)], fontsize=9)
         axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
         axes.set_xlabel("RMS error of the tip, mm: pale what remains, solid what was taken away")
-        axes.set_title(
-            "How the error fell" + (", at poses that no fit has used" if story.held_out else ""), fontsize=11
-        )
+        axes.set_title("How the error fell" + (f", {UNSEEN}" if story.held_out else ""), fontsize=11)
         axes.spines[["top", "right", "left"]].set_visible(False)
         axes.tick_params(axis="y", length=0)
     return figure
