@@ -207,7 +207,7 @@ def test_many_wrong_measurements_are_left_out_whatever_the_loss(tmp_path: Path, 
 def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     model = base_fit(lab, real)
     found = diagnose(model, real)
-    traps = " ".join(audit(real, found.fit.equilibrium.joint_torque))
+    traps = " ".join(audit(real.poses, found.fit.equilibrium.joint_torque))
     assert "few angles: 3 different ones at joints 1 to 6" in traps
     assert "follows joint 1 (correlation 0.94)" in traps
     assert "no reversal: joint 1" in traps

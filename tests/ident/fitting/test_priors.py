@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting import cross_validation
+from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -188,6 +189,13 @@ def test_fewer_poses_than_parameters_will_do_but_not_too_few(whole: Model) -> No
         fit(whole, measured(1, 15), prior=prior)
     with pytest.raises(LrmError, match="measure at least 45 poses"):
         fit(whole, measured(1, 20))
+
+
+def test_too_few_for_the_held_out_error_are_counted_as_the_user_does(whole: Model) -> None:
+    prior = prior_of_typical_sizes(whole)
+    with pytest.raises(LrmError, match=r"17 poses for 45 parameters.* other 15 needs 16; measure at least 18 poses"):
+        held_out_blocks(whole, measured(1, 17), prior=prior)
+    assert len(held_out_blocks(whole, measured(1, 18), prior=prior)) == 10
 
 
 @pytest.mark.parametrize("arm", sorted(shipped_arms()))

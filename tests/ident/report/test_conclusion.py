@@ -40,8 +40,9 @@ def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: Diagno
 
 def test_without_a_missing_effect_the_noise_is_the_reason(example_study: Study) -> None:
     found = conclude(example_study.add("backlash@joint2").diagnose())
-    assert found.headline == HEADLINES["nothing_missing"]
-    assert dict(found.facts)["in the model"] == "backlash in joint 2"
+    assert found.headline == "Backlash in joint 2 is in the model; no systematic error is left."
+    assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
+    assert "then measure and fit again" in dict(found.facts)["repair"]
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
 
 
@@ -83,7 +84,7 @@ def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(example_di
 
 def test_a_fit_compares_its_error_with_the_noise_of_the_measurement(tmp_path: Path) -> None:
     said = " ".join(stdout_of("fit", EXAMPLE, "-o", tmp_path / "model.toml").split())
-    assert "held out it is 3.03 mm. 3.03 mm is 5.8 times the stated noise (0.52 mm)" in said
+    assert "poses not in the fit it is 3.03 mm. 3.03 mm is 5.8 times the stated noise (0.52 mm)" in said
     assert "as deployed" not in said, "the arm gets the same error"
 
 

