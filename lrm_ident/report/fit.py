@@ -32,7 +32,7 @@ FROM_DATA = (
     "size: these poses cannot distinguish it from others, or do not show it."
 )
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
-DIAGNOSE_WILL = "Names the effect that the model lacks, where these poses show it."
+DIAGNOSE_WILL = "Names the effect that the model lacks, if these poses show it."
 MOSTLY_TOLD, OUTLIERS_SHOWN, MUCH = 0.5, 4, 1.5
 
 
@@ -136,7 +136,7 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
     if (noise := floor.rms) is None or held_out is None:
         return
     times = held_out / noise
-    what = "noise of repeated poses" if floor.source == "replicates" else "stated noise"
+    what = "noise of repeated poses" if floor.source == "replicates" else "noise that the data state"
     lacks = "no effect is known to be missing" if times < MUCH else "the model lacks some effect"
     yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): {lacks}."
 
@@ -233,7 +233,7 @@ def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
     """What the error depends on most, if on anything."""
     if factors and factors[0].share >= LITTLE:
         share = in_percent(factors[0].share)
-        yield f"It depends most on the {factors[0].name} ({share} % of the squared error)."
+        yield f"The error depends most on the {factors[0].name} ({share} % of the squared error)."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:
