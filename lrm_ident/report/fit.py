@@ -136,7 +136,7 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
     if (noise := floor.rms) is None or held_out is None:
         return
     times = held_out / noise
-    what = "noise of repeated poses" if floor.source == "replicates" else "noise that the data state"
+    what = "noise of repeated poses" if floor.source == "replicates" else "stated noise"
     lacks = "no effect is known to be missing" if times < MUCH else "the model lacks some effect"
     yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): {lacks}."
 

@@ -84,7 +84,7 @@ def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(example_di
 
 def test_a_fit_compares_its_error_with_the_noise_of_the_measurement(tmp_path: Path) -> None:
     said = " ".join(stdout_of("fit", EXAMPLE, "-o", tmp_path / "model.toml").split())
-    assert "poses not in the fit it is 3.03 mm. 3.03 mm is 5.8 times the noise that the data state (0.52 mm)" in said
+    assert "poses not in the fit it is 3.03 mm. 3.03 mm is 5.8 times the stated noise (0.52 mm)" in said
     assert "as deployed" not in said, "the arm gets the same error"
 
 
