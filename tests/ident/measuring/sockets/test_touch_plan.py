@@ -41,6 +41,10 @@ def test_the_tip_of_the_arm_as_drawn_is_in_each_socket_from_its_open_side() -> N
 def test_planned_touches_tell_more_than_random_ones_and_more_touches_more() -> None:
     assert planned().tracker_error < planned().tip_error < planned().random_tip_error
     assert planned(60).tip_error < 0.8 * planned().tip_error
+    errors = planned().error_of
+    assert [*errors] == [20, 24, 36, 60]
+    assert [*errors.values()] == sorted(errors.values(), reverse=True)
+    assert errors[20] == planned().tip_error
     assert sorted(planned().placement) == list(planned().placement)
     assert {*planned().placement} == {1, 2, 3}
 
