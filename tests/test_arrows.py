@@ -15,6 +15,8 @@ import pytest
 from tests.conftest import ROOT
 from tests.support.source_files import files, folder_of, imported_names, late_look_ups, room_arrows, syntax_tree
 
+pytestmark = pytest.mark.long
+
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {

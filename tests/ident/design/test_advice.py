@@ -133,6 +133,7 @@ def of_memory(arm: Arm, *names: str) -> PoseDesign:
     return next_poses(problem, offer)
 
 
+@pytest.mark.long
 def test_effects_with_a_memory_get_dwell_times_that_tell_them(waiting: PoseDesign) -> None:
     """What the model fits already is told from what it lacks; half of the poses are held, in no order."""
     assert waiting.told
