@@ -38,18 +38,11 @@ def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: Diagno
     assert not found.reasons
 
 
-<<<<<<< HEAD
 def test_without_a_missing_effect_the_noise_is_the_reason(example_study: Study) -> None:
     found = conclude(example_study.add("backlash@joint2").diagnose())
-    assert found.headline == HEADLINES["nothing_missing"]
-    assert dict(found.facts)["in the model"] == "backlash in joint 2"
-=======
-def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
-    found = conclude(fitted.add("backlash@joint2").diagnose())
     assert found.headline == "Backlash in joint 2 is in the model; no systematic error is left."
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
->>>>>>> f62
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
 
 

@@ -77,13 +77,8 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     assert page.evaluate("lrm.state.values.history[1].held") < 0.3 * history
     assert page.evaluate(ARROWS) < 0.3 * arrows
     idle(page, RANKED)
-<<<<<<< HEAD
-    assert "No missing effect found" in page.inner_text("#lrm-verdict")
-    shot(page, "after.png")
-=======
     assert "no systematic error is left" in page.inner_text("#lrm-verdict")
-    page.screenshot(path=SHOTS / "after.png")
->>>>>>> f62
+    shot(page, "after.png")
     unfold(page)
     page.select_option("#lrm-beside", "0")
     page.wait_for_timeout(1500)
