@@ -168,9 +168,7 @@ class Document:
 
     def text(self, width: int = 100) -> str:
         """The conclusion as plain text of so many columns."""
-        console = Console(width=width, file=StringIO(), color_system=None)
-        write(console, self.blocks)
-        return cast(StringIO, console.file).getvalue()
+        return _text_of(self.blocks, width)
 
     def json(self) -> str:
         """JSON text of schema and values, without NaN."""
@@ -179,10 +177,14 @@ class Document:
 
 def room_below(blocks: Sequence[Block]) -> int:
     """Rows that a table below these blocks may have, for the whole to fit on a screen."""
-    console = Console(width=COLUMNS, file=StringIO(), color_system=None)
-    write(console, blocks)
-    lines = cast(StringIO, console.file).getvalue().splitlines()
+    lines = _text_of(blocks, COLUMNS).splitlines()
     return LINES - FOOT - sum(max(1, -(-len(line) // COLUMNS)) for line in lines)
+
+
+def _text_of(blocks: Iterable[Block], width: int) -> str:
+    console = Console(width=width, file=StringIO(), color_system=None)
+    write(console, blocks)
+    return cast(StringIO, console.file).getvalue()
 
 
 def _jargon(blocks: Sequence[Block]) -> Iterator[str]:

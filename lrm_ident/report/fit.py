@@ -41,10 +41,10 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     held_out = errors.held_out.error
     stats = [("nominal arm, before any fit", errors.nominal), ("model, at the poses of its fit", errors.fitted)]
     if held_out is not None:
-        stats.append(("model, held out", held_out))
+        stats.append(("model, held out (not in its fit)", held_out))
     stats += [row for row in deployed_rows(errors.held_out.deployed) if held_out is None or differ(row[1], held_out)]
     if errors.nameless is not None:
-        stats.append(("with a black-box model, held out", errors.nameless.error))
+        stats.append(("black-box model (pattern, no cause)", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
     columns = ["error of the tip, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max"))]
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
@@ -84,7 +84,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], float(np.linalg.norm(fit.residual[row]) * 1e3)) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
-    unseen = "" if held_out is None else f"; held out it is {in_mm(held_out.rms)} mm"
+    unseen = "" if held_out is None else f"; {wording.UNSEEN} it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
@@ -136,13 +136,9 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
     if (noise := floor.rms) is None or held_out is None:
         return
     times = held_out / noise
-    if times < MUCH:
-        repeats = floor.source == "replicates"
-        like = "as much as repeated poses differ" if repeats else "the measurement noise"
-        yield f"That is about {like} ({in_mm(noise)} mm RMS): no effect is known to be missing."
-    else:
-        what = "noise of repeated poses" if floor.source == "replicates" else "stated noise"
-        yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): the model lacks some effect."
+    what = "noise of repeated poses" if floor.source == "replicates" else "stated noise"
+    lacks = "no effect is known to be missing" if times < MUCH else "the model lacks some effect"
+    yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): {lacks}."
 
 
 def _told_words(fit: Fit) -> Iterator[str]:
@@ -229,7 +225,7 @@ def _held_out_rms(found: ModelComparison) -> float | None:
 def _fails_where(found: ModelComparison) -> str:
     """How large the error is."""
     held_out = found.held_out.error
-    unseen = "" if held_out is None else f", held out {in_mm(held_out.rms)} mm"
+    unseen = "" if held_out is None else f", {in_mm(held_out.rms)} mm {wording.UNSEEN}"
     return f"RMS error {in_mm(found.error.rms)} mm{unseen}."
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lrm_math.arm.place_names import place_words
@@ -17,6 +18,7 @@ WORDS: Mapping[str, Mapping[str, str]] = tomllib.loads(
 """What people read of each effect by its id: `name`, and where there is one `repair` and `sketch`."""
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
+AFTER_REPAIR = ", then measure and fit again"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 
 
@@ -33,21 +35,28 @@ def words_of(name: str, what: str) -> str:
 
 
 def repair_advice(*effects: Effect) -> str:
-    """What to repair, or that the model corrects it; "" where nothing is known to do."""
+    """What to repair and to do then, or that the model corrects it; "" where nothing is known to do."""
     known = [(effect, words_of(effect.name, "repair")) for effect in effects if type(effect) in CATALOGUE]
     repairs = [
         (compensable(effect), words.format(place=place_in_words(effect.name))) for effect, words in known if words
     ]
     corrected, others = ([words for can, words in repairs if can == wanted] for wanted in (True, False))
     each = "them" if len(corrected) > 1 else "it"
-    choice = [f"{'; '.join(corrected)} (or leave {each}: the model corrects {each})"] if corrected else []
-    return "; ".join([*choice, *others])
+    choice = [f"{'; '.join(corrected)}{AFTER_REPAIR} (or leave {each}: the model corrects {each})"] if corrected else []
+    return "; ".join([*choice, *others]) + ("" if choice or not others else AFTER_REPAIR)
 
 
 def place_in_words(name: str) -> str:
     """Where the effect `id@place` acts: `joint 2`, `base and tracker`."""
     kind, place = EffectRef.parse(name)
     return (session_words if kind in OF_A_SESSION else place_words)(place or "all places")
+
+
+def effects_in_words(names: Sequence[str]) -> str:
+    """Effects (`id@place`) by their kind: how many places of those at several, plain names of the others."""
+    places = Counter(EffectRef.parse(name).id for name in names)
+    several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
+    return ", ".join([*several, *(plain_name(name) for name in names if places[EffectRef.parse(name).id] == 1)])
 
 
 def step_title(step: StepName) -> str:

@@ -11,6 +11,7 @@ from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Block, ResultTable
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.parameter_estimates import parameter_estimates
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,23 +29,13 @@ class PriorComparison:
     default: Fit | str
     default_held_out: HeldOutResidual
 
-    def share_from_data(self, key: str) -> float | None:
-        """Part (0 to 1) of a parameter's prior variance that the data removed: 1 − variance after / before.
-
-        None for a parameter at its bound, or without a prior.
-        """
-        if key in self.fit.at_bound or key not in self.prior.keys:
-            return None
-        after = self.fit.standard_error[self.fit.model.free.index(key)]
-        return max(0.0, float(1.0 - (after / self.prior.sd_of([key])[0]) ** 2))
-
     def as_json(self) -> dict[str, object]:
         """The table `prior` of `lrm/fit/1`, in the units of the keys."""
         parameters: dict[str, object] = {}
-        for key in self.fit.model.free:
+        for key, one in parameter_estimates(self.fit).items():
             unit = self.fit.model.parameter(key).si
             mean, sd = self._mean_sd(key, 1.0 / unit)
-            parameters[key] = {"mean": mean, "sd": sd, "told_by_data": self.share_from_data(key)}
+            parameters[key] = {"mean": mean, "sd": sd, "told_by_data": one.from_data}
         default: dict[str, object] = {"reason": self.default}
         if not isinstance(self.default, str):
             fitted, free = error_stats(self.default.residual), len(self.default.model.free)
@@ -75,11 +66,11 @@ class PriorComparison:
 
     def _parameters(self) -> ResultTable:
         rows = []
-        for key in self.fit.model.free:
+        for key, one in parameter_estimates(self.fit).items():
             name, scale, unit = screen_unit(self.fit.model, key)
-            (mean, sd), share = self._mean_sd(key, scale), self.share_from_data(key)
+            mean, sd = self._mean_sd(key, scale)
             prior = "none" if mean is None or sd is None else quantity(mean, sd)
-            from_data = None if share is None else f"{in_percent(share)} %"
+            from_data = None if one.from_data is None else f"{in_percent(one.from_data)} %"
             estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.default, key, scale)
             rows.append((name, prior, *estimates, unit))
         columns = ("parameter", "prior|", "with prior|", "from data|", "typical sizes|", "unit")

@@ -112,20 +112,23 @@ def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, 
 
 def _alone(rivals: Mapping[str, float]) -> dict[str, str]:
     free = {kind.id for kind in FREE_FORMS}
-    curve = {name: "; a spline, with more parameters" if EffectRef.parse(name).id in free else "" for name in rivals}
+    curve = {
+        name: "; a smooth curve (spline), with more parameters" if EffectRef.parse(name).id in free else ""
+        for name in rivals
+    }
     return {name: f"alone it would have left {in_mm(left)} mm{curve[name]}" for name, left in rivals.items()}
 
 
-def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str, steps: int = 1) -> ErrorFall:
-    """Fall in a step, or in some `steps` up to it.
+def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str) -> ErrorFall:
+    """Fall in a step.
 
     Held out where both errors are of the open data, else of the models as they are on these.
     """
     if len(file.history) == len(field.steps) and number > 0:
-        before, after = file.history[number - steps], file.history[number]
+        before, after = file.history[number - 1], file.history[number]
         if before.held_out_rms_mm and after.held_out_rms_mm and of_data(before, sha256) and of_data(after, sha256):
             return ErrorFall(before.held_out_rms_mm, after.held_out_rms_mm, held_out=True)
-    start = field.steps[number - steps].error.rms if number else error_stats(field.nominal_residual).rms
+    start = field.steps[number - 1].error.rms if number else error_stats(field.nominal_residual).rms
     return ErrorFall(start * 1e3, field.steps[number].error.rms * 1e3, held_out=False)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
 from lrm_math.arm.arm_file import MM
@@ -21,7 +21,7 @@ Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 8
 ON_THE_ARM = "expected on the arm (effects of this session alone left out)"
-ANEW = "with the effects, too, chosen without the held-out poses"
+ANEW = "with the effects, too, chosen without these poses"
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Story:
         left = [f"{one.title} {in_mm(one.left_mm * MM)}" for one in self.steps[:2]]
         if added:
             left.append(f"{_counted(added)} {in_mm(added[-1].left_mm * MM)}")
-        return f"{' → '.join(left)} mm RMS{' held out' if self.held_out else ''}"
+        return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from lrm_ident.data.wording import in_mm, in_percent
+from lrm_ident.data.wording import change_words
 from lrm_ident.report.document import Block, Document, Facts, heading
 from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.model_report import history_table, history_values, provenance_table
-from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plain_names import effects_in_words, plain_name
 from lrm_ident.report.story import story_of_file
 from lrm_math.arm.arm_file import MM
-from lrm_math.effects import EffectRef
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 
@@ -60,20 +58,11 @@ def _facts(file: ModelFile) -> Iterator[tuple[str, str]]:
     if (story := story_of_file(file)) is not None:
         yield "error", story.sentence
         yield from story.facts
-    elif (fell := _fell(file.history[0].held_out_rms_mm, file.history[-1].held_out_rms_mm)) is not None:
-        yield "held-out error", fell
+    elif (after := file.history[-1].held_out_rms_mm) is not None:
+        yield "held-out error", change_words((file.history[0].held_out_rms_mm or after) * MM, after * MM)
     if file.deployed is not None and file.deployed.carried:
         kept = ", ".join(f"{plain_name(name)}: {which}" for name, which in file.deployed.carried.items())
         yield "carried forward", kept
-
-
-def _fell(before: float | None, after: float | None) -> str | None:
-    """A fall of an error (mm) in words."""
-    if after is None:
-        return None
-    if before is None or before == after:
-        return f"{in_mm(after * MM)} mm RMS"
-    return f"{in_mm(before * MM)} → {in_mm(after * MM)} mm RMS ({in_percent(1.0 - after / before)} % less)"
 
 
 def _effects(file: ModelFile) -> Iterator[Block]:
@@ -81,11 +70,4 @@ def _effects(file: ModelFile) -> Iterator[Block]:
     story = story_of_file(file)
     if story is not None:
         yield story.table()
-    yield Facts(tuple((part, _counted(names)) for part, names in file.parts.items() if names))
-
-
-def _counted(names: Sequence[str]) -> str:
-    """Effects by their kind: plain names of those at one place, numbers of the others."""
-    places = Counter(EffectRef.parse(name).id for name in names)
-    several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
-    return ", ".join([*several, *(plain_name(name) for name in names if places[EffectRef.parse(name).id] == 1)])
+    yield Facts(tuple((part, effects_in_words(names)) for part, names in file.parts.items() if names))

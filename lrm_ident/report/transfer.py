@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -12,9 +11,9 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import estimate_table
-from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plain_names import effects_in_words, plain_name
 from lrm_ident.study.transfer import Transfer
-from lrm_math.effects import Effect, ModelPart
+from lrm_math.effects import ModelPart
 
 NOISIER = 2.0
 """Residual of the poses over the bench's error, from which on something else is different."""
@@ -34,7 +33,7 @@ def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Documen
     known = len(start.covariance.keys) - len(start.installed)
     blocks: list[Block] = [
         heading(f"{start.bench} -> {start.model.arm.name}: {known} parameters of the arm go along"),
-        f"Of the arm, with standard errors: {', '.join(_grouped(own))}.",
+        f"Of the arm, with standard errors: {effects_in_words([effect.name for effect in own])}.",
         f"Stays behind, as of the bench: {enumerate_words(behind, len(behind))}.",
         *([start.state] if start.state else []),
         ResultTable(columns, rows, "Expected error of the tip over the arm's range, RMS"),
@@ -55,13 +54,6 @@ def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Documen
         "sigma": found.file.sigma,
     }
     return Document(blocks, "lrm/transfer/1", values)
-
-
-def _grouped(effects: Sequence[Effect]) -> Iterator[str]:
-    """Names of effects, those at several places once."""
-    places = Counter(effect.id for effect in effects)
-    for name in dict.fromkeys(effect.id if places[effect.id] > 1 else effect.name for effect in effects):
-        yield f"{name} at {places[name]} places" if name in places else name
 
 
 def _both(error: float, left: float) -> tuple[float, float]:

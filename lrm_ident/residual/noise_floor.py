@@ -30,6 +30,19 @@ class NoiseFloor:
         """RMS of the 3-D distance that the noise alone makes (m)."""
         return None if self.sd is None else float(np.sqrt(self.axes) * self.sd)
 
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """95 % confidence interval of `rms` (m) by the χ² distribution of repeated poses; None where it is stated."""
+        from scipy.special import chdtri
+
+        if self.rms is None or np.isinf(self.degrees_of_freedom):
+            return None
+        low, high = (
+            self.rms * float(np.sqrt(self.degrees_of_freedom / chdtri(self.degrees_of_freedom, tail)))
+            for tail in (0.025, 0.975)
+        )
+        return low, high
+
     def p_value(self, sigma: float, degrees_of_freedom: float) -> float:
         """p value of the lack-of-fit F test of a residual (m per axis) (Draper and Smith 1998, section 2.1).
 

@@ -15,14 +15,13 @@ import numpy as np
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
-from lrm_ident.data.wording import enumerate_words, in_mm
+from lrm_ident.data.wording import BLACK_BOX, enumerate_words, in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.residual.better_prediction import falls_by_share, vuong_z
 from lrm_ident.residual.covariates import covariates, distinct, symbol_words
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
-WHAT_IT_IS = "a Gaussian process, which predicts the error from the pose without knowing causes,"
 NAMED = 3  # inputs in a sentence
 IN_WORDS = {"order": "the order of measurement", **{f"position {axis}": f"{axis} of the tip" for axis in "xyz"}}
 SEARCH_ROWS = 250  # training rows of a block from which its kernel is estimated
@@ -94,10 +93,10 @@ class PredictableError:
         """Prediction of the residual in words, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)
         if not self.more_to_find:
-            return f"{WHAT_IT_IS} predicts no better ({after} mm RMS with it)"
+            return f"{BLACK_BOX} predicts no better ({after} mm RMS with it)"
         inputs = enumerate_words([IN_WORDS.get(name) or symbol_words(name) for name in self.follows], NAMED)
         return (
-            f"{WHAT_IT_IS} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
+            f"{BLACK_BOX} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
             f"cause. It depends on {inputs}."
         )
 

@@ -7,10 +7,11 @@ goals of the tip come from its inverse kinematics.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
-from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand
+from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand, of_a_measurement
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -53,6 +54,9 @@ ATTEMPTS, LEASE_BACK_S = 5, 1.0
 OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed", "overtaken")
 """Codes of refusals that end a campaign: the arm is somebody else's, not armed any more, or somebody stopped it."""
 DEADLINE_MS = 10_000.0
+STARTING, STARTING_S = 60, 0.5
+"""Times that the ik process is asked anew while it is being started, and s between them."""
+T = TypeVar("T")
 MOVES_BEGIN = math.radians(1.0)
 """rad by which a joint may stand beside the first of a sequence of commands when that begins."""
 FASTER, SAME_SHARE, STANDS, MOST_WAYPOINTS = 1.05, 0.05, 1e-3, 1000
@@ -271,7 +275,7 @@ class RoverArm:
             return
         request = PlanRequest(from_rad=here, to_rad=list(goal), payload_kg=payload, deadline_ms=PLAN_MS)
         try:
-            plan = self.rover.plan(request)
+            plan = when_started(lambda: self.rover.plan(request), self.clock.sleep)
             if not plan.found:
                 raise Unreachable(f"no way: {plan.text}")
             way = plan.waypoints_rad[1:]
@@ -282,6 +286,18 @@ class RoverArm:
                 raise
             raise Unreachable(str(error)) from None
         self.direction = last_directions(plan.waypoints_rad, self.direction)
+
+
+def when_started(ask: Callable[[], T], sleep: Callable[[float], object] = time.sleep) -> T:
+    """A reply of the ik process, which is waited for while that is being started. Raises `RequestRefused`."""
+    for _ in range(STARTING):
+        try:
+            return ask()
+        except RequestRefused as error:
+            if error.code != "busy" or not error.retryable:
+                raise
+        sleep(STARTING_S)
+    return ask()
 
 
 def check_begins(names: Sequence[str], here: Sequence[float], moves: MoveSequence, bound: float) -> None:
@@ -336,7 +352,9 @@ class DaemonSolver:
             method="direct",
             deadline_ms=DEADLINE_MS,
         )
-        answer = self.rover.ik(request).answers[0]
+        reply = when_started(lambda: self.rover.ik(request))
+        answer = reply.answers[0]
         if answer.rounded_q_rad is None:
             return f"{answer.verdict}: {answer.text}"
-        return GoalCommand(tuple(answer.rounded_q_rad), answer.rounded_error_m or 0.0, answer.sd_m)
+        sd = of_a_measurement(answer.sd_m, reply.residual_m)
+        return GoalCommand(tuple(answer.rounded_q_rad), answer.rounded_error_m or 0.0, sd)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.data.wording import arrow, enumerate_words, in_mm
+from lrm_ident.data.wording import BLACK_BOX, UNSEEN, arrow, enumerate_words, in_mm
 from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -22,12 +22,12 @@ from lrm_ident.report.document import Block, CommandLine, Facts, heading, sectio
 from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
-from lrm_ident.residual.scale_uncertainty import scale_uncertainty
+from lrm_ident.residual.scale_uncertainty import scale_sentence
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, Effect, variants
 
-LISTED, REASONS, REASONS_SHOWN = 4, 3, 2
+LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = (
     "estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
@@ -41,14 +41,13 @@ NOT_YET = "nothing yet: the cause is not certain"
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
+NONE_FOUND = "No missing effect found"
 HEADLINES = {
     Verdict.EFFECT_DESCRIBES: "No cause identified: the error is systematic, but these poses do not show why.",
-    Verdict.NOTHING_MISSING: "No missing effect found: the remaining error is about the measurement noise.",
+    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: no systematic error is left.",
     Verdict.UNEXPLAINED_STRUCTURE: "No cause identified: the error is systematic, but no known effect explains it.",
     Verdict.UNPREDICTABLE: "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
-    Verdict.NOISE_UNKNOWN: (
-        "No missing effect found, but the measurement noise is not known, so one may be hidden in it."
-    ),
+    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, but the measurement noise is not known, so one may be hidden in it.",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 
@@ -143,7 +142,7 @@ def _has_already(report: DiagnosisReport) -> dict[str, Effect]:
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
-        return HEADLINES[report.verdict]
+        return _quiet_headline(report) if report.verdict.quiet else HEADLINES[report.verdict]
     if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = _titled(first.name)
@@ -152,6 +151,15 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     if first.equivalent:
         return f"{MISSING}: {what}, or another that these poses cannot distinguish from it"
     return f"{MISSING}: {what}"
+
+
+def _quiet_headline(report: DiagnosisReport) -> str:
+    """That nothing more is missing; what the model has already stands first."""
+    known, words = list(map(plain_name, _has_already(report))), HEADLINES[report.verdict]
+    if not known:
+        return words
+    named, rest = enumerate_words(known, IN_HEADLINE), words.removeprefix(NONE_FOUND).lstrip(":, ")
+    return f"{named[0].upper()}{named[1:]} {'is' if len(known) == 1 else 'are'} in the model; {rest}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -173,8 +181,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
-    scale = scale_uncertainty(fit)
-    yield "tracker's scale", "" if scale is None else scale.sentence
+    yield "tracker's scale", scale_sentence(fit)
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
@@ -188,8 +195,8 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
-    if report.verdict.quiet:
-        yield "in the model", enumerate_words(list(map(plain_name, _has_already(report))), LISTED)
+    if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
+        yield "in the model", enumerate_words(list(map(plain_name, known)), LISTED)
     yield "repair", _repair(report, attribution)
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
@@ -225,12 +232,20 @@ def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"noise at most {in_mm(report.patterns.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
+    error, first = report.held_out.rms, report.first
     if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
-    error, first = report.held_out.rms, report.first
+    elif report.verdict == Verdict.NOTHING_MISSING and floor is not None:
+        noise = f"{error / floor:.1f} times the {noise}{_repeats_leave(report)}"
     if first is None or attribution_of(report) == Support.DESCRIPTION:
-        return f"{in_mm(error)} mm RMS{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
-    return f"{_fall(error, first.held_out_rms)} with it ({noise})"
+        return f"{in_mm(error)} mm RMS {UNSEEN}{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
+    return f"{_fall(error, first.held_out_rms)} with it, at unseen poses ({noise.removeprefix('measurement ')})"
+
+
+def _repeats_leave(report: DiagnosisReport) -> str:
+    """How well repeated poses tell the noise, where they do."""
+    interval = report.diagnosis.floor.interval
+    return "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
 
 
 def _bounds_noise(report: DiagnosisReport) -> bool:
@@ -239,7 +254,7 @@ def _bounds_noise(report: DiagnosisReport) -> bool:
 
 
 def _predicted(report: DiagnosisReport) -> str:
-    return f", systematic: a black-box model reaches {in_mm(report.patterns.predictable.error.rms)} mm"
+    return f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
 
 
 def _deployed(report: DiagnosisReport) -> str:
@@ -341,7 +356,8 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    return f"{in_mm(max(bounds.values()))} mm RMS by any further known effect (95 % bound)"
+    most = in_mm(max(bounds.values()))
+    return f"{most} mm RMS of this error, by a further known effect (95 %)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
@@ -379,7 +395,7 @@ def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) ->
     """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"Writes poses that distinguish these. Measure there, append to {names.data}."
+    words = f"Writes poses (--levels any: at any angles) that distinguish these. Measure there, append to {names.data}."
     poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)

@@ -10,7 +10,7 @@ import numpy as np
 from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
+from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.claim import with_unit
@@ -127,7 +127,7 @@ def _step_headline(effect: str, before: ErrorSummary, after: ErrorSummary) -> It
     """How far the held-out error fell, where both are known."""
     if before.held_out.error is not None and after.held_out.error is not None:
         change = change_words(before.held_out.error.rms, after.held_out.error.rms)
-        yield heading(f"With {plain_name(effect)} the held-out RMS error {change}.")
+        yield heading(f"With {plain_name(effect)} the RMS error {UNSEEN} {change}.")
 
 
 def _said(step: Step, effect: str) -> str:
@@ -196,7 +196,7 @@ def course_document(
 def _last_errors(course: AutoRun, nested: NestedResidual) -> tuple[tuple[str, str], ...]:
     """Errors where the model's file tells no story."""
     again = () if nested.error is None else (("nested", f"{in_mm(nested.error.rms)} mm RMS, {ANEW}"),)
-    return (("error", f"{in_mm(course.steps[-1].held_out_rms)} mm RMS held out"), *again)
+    return (("error", f"{in_mm(course.steps[-1].held_out_rms)} mm RMS {UNSEEN}"), *again)
 
 
 def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:

@@ -31,7 +31,7 @@ from lrm_math.effects import Effect, compensable, variants
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
 STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of several"}
 BAR = 16
-LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
+LIKE, CURVE = "indistinguishable", "smooth curve: fits any cause"
 HARDLY_SHOWS = "its typical size would hardly show in what is left now"
 BLACK_BOX = "black-box model"
 MORAN = "spatial autocorrelation (Moran's I)"
@@ -120,7 +120,7 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
         if attribution == Support.DESCRIPTION:
             return term_of(attribution, ())
         if effect.is_free_form and number:
-            return SPLINE
+            return CURVE
         if number or advice.equivalent:
             return LIKE if advice.name in beside else STATUS[advice.verdict]
         return term_of(attribution or Support.POSSIBLE_CAUSE, ())

@@ -68,20 +68,11 @@ def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
     place = np.arange(len(groups))
     rotations = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
     if rotations:
-        axes.bar(place, np.degrees(rotations), 0.6, color=MODEL)
-        for at, group, turn in zip(place, groups, np.degrees(rotations), strict=True):
-            words = f"{group.error.rms * 1e3:.2g} mm\n{group.count}"
-            axes.annotate(
-                words,
-                (float(at), turn),
-                xytext=(0, 3 if turn >= 0 else -3),
-                textcoords="offset points",
-                ha="center",
-                va="bottom" if turn >= 0 else "top",
-                fontsize=8,
-            )
+        bars = axes.bar(place, np.degrees(rotations), 0.6, color=MODEL)
+        words = [f"{group.error.rms * 1e3:.2g} mm\n{group.count}" for group in groups]
+        axes.bar_label(bars, words, padding=3, fontsize=8)
         axes.margins(y=0.22)
-        axes.set_title(f"Mean error by {factor.name}\n(at each bar: RMS error there, number of poses)", fontsize=11)
+        axes.set_title(f"Mean error by {factor.name}\n(at each bar: RMS error, poses)", fontsize=11)
         axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
     else:
         for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):

@@ -33,6 +33,7 @@ EVIDENCE = {
     Support.NO_EVIDENCE: "no evidence",
 }
 HATCH = {Support.SUPPORTED: "", Support.INDISTINGUISHABLE: "//", Support.NO_EVIDENCE: ".."}
+COLOUR = {Support.SUPPORTED: MODEL, Support.INDISTINGUISHABLE: MODEL, Support.NO_EVIDENCE: NOMINAL}
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 
 
@@ -56,11 +57,12 @@ def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
 def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     shown = report.ranking[:DRAWN][::-1]
     names = [f"{plain_name(a.scored.name)}\n{a.scored.name}" for a in shown]
-    bars = axes.barh(names, [a.held_out_rms * 1e3 for a in shown], color=MODEL)
-    for bar, advice in zip(bars, shown, strict=True):
-        bar.set_hatch(HATCH[advice.verdict])
-        bar.set_edgecolor("white")
-        bar.set_color(MODEL if advice.verdict != Support.NO_EVIDENCE else NOMINAL)
+    style: Any = {
+        "color": [COLOUR[a.verdict] for a in shown],
+        "hatch": [HATCH[a.verdict] for a in shown],
+        "edgecolor": "white",
+    }
+    bars = axes.barh(names, [a.held_out_rms * 1e3 for a in shown], **style)
     axes.tick_params(axis="y", labelsize=8)
     axes.bar_label(bars, [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in shown], padding=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
@@ -71,8 +73,7 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     verdicts = {advice.verdict for advice in shown}
     for verdict, words in EVIDENCE.items():
         if verdict in verdicts:
-            colour = MODEL if verdict != Support.NO_EVIDENCE else NOMINAL
-            axes.barh([-1], [0], color=colour, hatch=HATCH[verdict], edgecolor="white", label=words)
+            axes.barh([-1], [0], color=COLOUR[verdict], hatch=HATCH[verdict], edgecolor="white", label=words)
     axes.set_ylim(-0.6, len(shown) - 0.4)
     legend_below(axes, 2)
     title = conclude(report).headline if report.first is None else plain_name(report.first.scored.name)

@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file
 from lrm_ident.report.story import Kind, Story
 from lrm_math.arm.arm_file import MM
@@ -48,9 +48,7 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
             axes.barh(row, min(one.before_mm, scale) - min(one.left_mm, scale), left=one.left_mm, color=colour)
             cut = " (bar cut short)" if one.left_mm > scale else ""
             where = (min(one.before_mm, scale), row)
-            axes.annotate(
-                f"{in_mm(one.left_mm * MM)}{cut}", where, xytext=(4, 0), textcoords="offset points", va="center"
-            )
+            axes.annotate(f"{in_mm(one.left_mm * MM)}{cut}", where, **BESIDE)
         for row, (_, value) in enumerate(ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)
             axes.annotate(in_mm(value * MM), (value, row), **BESIDE)
@@ -64,9 +62,7 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
         axes.set_yticks(range(rows), [*names, *(name for name, _ in ends)], fontsize=9)
         axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
         axes.set_xlabel("RMS error of the tip, mm: pale what remains, solid what was taken away")
-        axes.set_title(
-            "How the error fell" + (", at poses that no fit has used" if story.held_out else ""), fontsize=11
-        )
+        axes.set_title("How the error fell" + (f", {UNSEEN}" if story.held_out else ""), fontsize=11)
         axes.spines[["top", "right", "left"]].set_visible(False)
         axes.tick_params(axis="y", length=0)
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,7 +94,7 @@ def _draw_boxes(axes: Axes, arm: Arm, plane: tuple[int, int], k: int, at: float)
     from scipy.spatial import ConvexHull
 
     scene = Scene.of(arm)
-    signs = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    signs = np.array(list(product((-1, 1), repeat=3)))
     for turn, centre, half in zip(scene.box_rotation, scene.box_centre, scene.box_half, strict=True):
         corners = centre + (signs * half) @ turn.T
         if corners[:, k].min() <= at <= corners[:, k].max():

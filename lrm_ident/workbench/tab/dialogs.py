@@ -153,8 +153,9 @@ TOUR = (
     TourStop(
         "panel-effect",
         "3 of 6: which effect",
-        "Every known effect at every place was tried. The list says which held-out error each would leave: ● is "
-        "supported, ◐ is indistinguishable from others, ○ has no evidence. Backlash in joint 2 is first by far.",
+        "Every known effect at every place was tried. The list says which error each would leave at poses not in the "
+        "fit (held-out): ● is supported, ◐ is indistinguishable from others, ○ has no evidence. Backlash in joint 2 is "
+        "first by far.",
     ),
     TourStop(
         "panel-form",
@@ -171,8 +172,8 @@ TOUR = (
     TourStop(
         "panel-effect",
         "6 of 6: know when to stop",
-        "Once the held-out error has reached the noise, the headline is: no missing effect found. Save the model "
-        "for the rover, write a report, or drop your own CSV on this page.",
+        "The headline says when no systematic error is left. Save the model for the rover, "
+        "write a report, or drop your own CSV on this page.",
     ),
 )
 

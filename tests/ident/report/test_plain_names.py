@@ -26,7 +26,7 @@ CODE_NAME = re.compile(r"\w@\w|\b(?:joint|link|mimic|q|tau)\d+\b")
     [
         ("backlash@joint2", "backlash in joint 2"),
         ("coupling@joint3<-joint2", "coupling of joint 3 by joint 2"),
-        ("cable_curve@joint1+joint2", "a free curve over joints 1 and 2 (spline)"),
+        ("cable_curve@joint1+joint2", "a smooth curve over joints 1 and 2"),
     ],
 )
 def test_names_of_effects_have_words(name: str, words: str) -> None:

@@ -57,7 +57,10 @@ def told(file: ModelFile) -> Story:
 
 def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file: ModelFile) -> None:
     story = told(file)
-    fall = "nominal 30.0 → geometry and springs 4.80 → 1 empirical term + 1 identified cause 1.90 mm RMS held out"
+    fall = (
+        "nominal 30.0 → geometry and springs 4.80 → 1 empirical term + 1 identified cause 1.90 mm RMS at poses not in "
+        "the fit"
+    )
     assert story.sentence.replace("30.00", "30.0") == fall
     assert [one.title for one in story.steps[:2]] == ["nominal", GEOMETRY]
     assert [(one.before_mm, one.left_mm) for one in story.steps[1:]] == [(30.0, 4.8), (4.8, 2.6), (2.6, 1.9)]
@@ -85,6 +88,7 @@ def test_errors_of_the_fit_where_some_are_not_held_out(file: ModelFile) -> None:
     assert story_of_file(file_of(step("fit", 4.6, 4.8))) is None, "an older file does not know the nominal arm's error"
 
 
+@pytest.mark.long
 def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     figure = draw_story(told(file), tmp_path / "story.png")
@@ -110,6 +114,6 @@ def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
     assert "Identified" not in words
     fitted = file_of(step("fit", 4.6, 4.8, nominal_rms_mm=30.0), step(f"add {one}", 1.7, 1.9))
     story = told(with_course(fitted, course, NestedResidual(None)))
-    assert story.sentence.endswith("1 indistinguishable cause 1.90 mm RMS held out")
+    assert story.sentence.endswith("1 indistinguishable cause 1.90 mm RMS at poses not in the fit")
     assert term_of("finding", ()) == "identified cause"
     assert term_of("description", (other,)) == "empirical term"

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import in_mm, p_words, quantity
+from lrm_ident.data.wording import UNSEEN, in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES, NextStep
 from lrm_ident.report.document import plain
-from lrm_ident.report.model_report import ModelReport, data_of
+from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
-from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
+from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, of_data, rivals
 from lrm_ident.report.story import GEOMETRY, Story
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
@@ -53,11 +53,10 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "verdict": found.verdict,
         "facts": [[label, words, label in FIRST] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
-        "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
+        "unseen": UNSEEN,
         "story": None if found.story is None else _story(found.story),
         "cards": _cards(found),
-        "together": _together(found),
         "floor": found.floor_mm,
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
@@ -133,18 +132,9 @@ def _held_out(found: ModelReport, number: int) -> str:
 
 
 def _entry(found: ModelReport, number: int) -> dict[str, Any]:
-    """Errors of a step with the data that they are of; `rms`: of its model on the open data."""
-    entry, step = found.file.history[number], found.field.steps[number]
-    return {
-        "name": str(entry.name),
-        "title": step_title(entry.name),
-        "fit": entry.fit_rms_mm,
-        "held": entry.held_out_rms_mm,
-        "deployed": entry.deployed_rms_mm,
-        "data": data_of(entry),
-        "here": of_data(entry, found.poses.sha256),
-        "rms": step.error.rms * 1e3,
-    }
+    """Held-out error of a step, whether it is of the open data, and the RMS error of its model on these."""
+    entry, rms = found.file.history[number], found.field.steps[number].error.rms * 1e3
+    return {"held": entry.held_out_rms_mm, "here": of_data(entry, found.poses.sha256), "rms": rms}
 
 
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:
@@ -183,15 +173,6 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
         "asked": judged is not None or card.evidence.rivals is not None,
         "unrivalled": kind == "finding" and fall.held_out and card.unrivalled(fall.after),
     }
-
-
-def _together(found: ModelReport) -> dict[str, Any] | None:
-    """Fall of the error over all steps after the fit, where these are several."""
-    steps = len(found.cards)
-    if steps < 2:
-        return None
-    fall = error_fall(found.file, found.field, steps, found.poses.sha256, steps)
-    return {"steps": steps, **plain(fall), "fall": fall.words}
 
 
 def _where(found: ModelReport) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from lrm_ident.measuring.campaign.rover_arm import ATTEMPTS, RoverArm
+from lrm_ident.measuring.campaign.rover_arm import ATTEMPTS, STARTING_S, RoverArm
 from lrmd.client import LEASE_LOST, MotionInterrupted, RequestRefused
 from lrmd.messages.codec import ErrorReply
 
@@ -56,6 +56,23 @@ def test_it_goes_on_from_where_the_arm_holds() -> None:
     moved(rover)
     assert (rover.q, rover.moves) == (GOAL, 4)
     assert rover.slept == pytest.approx(3.0)
+
+
+def test_a_pose_waits_while_the_ik_process_is_being_started() -> None:
+    starting = RequestRefused(ErrorReply(code="busy", msg="the ik process is being started", retryable=True))
+
+    class Starting(OneJoint):
+        refusals = 3
+
+        def plan(self, request: Any) -> Any:
+            self.refusals -= 1
+            if self.refusals >= 0:
+                raise starting
+            return super().plan(request)
+
+    rover = Starting()
+    moved(rover)
+    assert (rover.q, rover.slept) == (GOAL, pytest.approx(3 * STARTING_S))
 
 
 def test_after_some_attempts_it_ends() -> None:

@@ -44,11 +44,7 @@ function lrmBrush(page) {
   }
 
   // Rows that are marked, or null where none is.
-  function marked() {
-    const rows = [];
-    state.values.pose.forEach((pose, row) => { if (state.brushed?.has(pose)) rows.push(row); });
-    return state.brushed ? rows : null;
-  }
+  const marked = () => state.brushed && state.values.pose.flatMap((pose, row) => (state.brushed.has(pose) ? [row] : []));
 
   // Numbers of the marked ones among the points of a flat chart, which stand for these rows.
   const selected = (rows) => state.brushed ? rows.flatMap((row, i) => (state.brushed.has(state.values.pose[row]) ? [i] : [])) : null;

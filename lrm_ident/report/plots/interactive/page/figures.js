@@ -58,7 +58,7 @@ const lrm = (() => {
 
   function redraw() {
     if (!state.values) return;
-    page.fillControls(); page.drawRanking(choose); page.drawWhatIf(); page.drawField(); page.drawArm(); page.tell(); page.drawTurn();
+    page.fillControls(); page.drawRanking(choose); page.drawWhatIf(); page.drawField(); page.tell(); page.drawTurn();
     page.drawStory(showStep); page.drawCandidate(); page.drawCards(); page.tellSample();
   }
 

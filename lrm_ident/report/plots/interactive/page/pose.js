@@ -8,7 +8,6 @@ function lrmPose(page) {
     if (row === undefined || state.values.pose[row] === state.pose) return;
     state.pose = state.values.pose[row];
     tell();
-    drawArm();
     for (const one of Object.values(scenes)) one.point(row, page.arms());
   }
 
@@ -38,17 +37,10 @@ function lrmPose(page) {
   }
 
   // Both arms, from the side in the vertical plane through the TCP and from above.
-  function armViews(nominal, bent, measured) {
+  function armViews(nominal, bent) {
     const base = nominal[0], tip = nominal[nominal.length - 1], along = [tip[0] - base[0], tip[1] - base[1]], reach = Math.hypot(...along) || 1;
     const arms = [{ points: nominal, ink: colour("soft"), dash: 0.03, width: 0.014, opacity: 1 }, { points: bent, ink: colour("model"), dash: 0, width: 0.02, opacity: 1 }];
-    return flat("nominal and bent arm", (p) => ((p[0] - base[0]) * along[0] + (p[1] - base[1]) * along[1]) / reach, arms,
-      measured ? [{ at: measured, radius: 0.03, fill: "none" }] : []);
-  }
-
-  // Both arms of a pose, flat, so that the pointer need not wait for the scene.
-  function drawArm() {
-    const v = state.values, row = rowOfPose();
-    fill("arm", armViews(v.nominal[row], v.bent[row], v.tcp[row]));
+    return flat("nominal and bent arm", (p) => ((p[0] - base[0]) * along[0] + (p[1] - base[1]) * along[1]) / reach, arms, []);
   }
 
   // Arms at many poses over one another, their tips as dots.
@@ -64,8 +56,8 @@ function lrmPose(page) {
     place("rover").hidden = !told;
     if (!told) return;
     place("rover-words").textContent = told.words;
-    fill("rover-arms", told.bent ? armViews(told.nominal, told.bent, null) : "");
+    fill("rover-arms", told.bent ? armViews(told.nominal, told.bent) : "");
   }
 
-  return { hover, tell, drawArm, rover, nextPoses };
+  return { hover, tell, rover, nextPoses };
 }

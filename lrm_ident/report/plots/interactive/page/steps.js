@@ -14,10 +14,10 @@ function lrmSteps(page) {
   // The course of the error in one line; of an earlier step that is shown, where it stands in it.
   function tellFall() {
     const v = state.values, last = v.steps.length - 1, first = cause();
-    const whole = v.story ? v.story.sentence.replaceAll(/(\d) mm/g, "$1\u00a0mm") : `RMS ${v.steps[last].rms} mm`;
-    const added = first && v.story?.held_out ? ` → ${first.held} mm with ${first.title}` : "";
+    const added = first && v.story?.held_out ? ` → with ${first.title} ${first.held}` : "";
+    const whole = v.story ? v.story.sentence.replace(" mm RMS", added + "\u00a0mm RMS") : `RMS ${v.steps[last].rms} mm`;
     const shown = state.step === last ? "" : ` Shown: step ${state.step}, ${v.steps[state.step].title}.`;
-    fill("fall", lrmHtml`<span class="lrm-fall-figure">${whole + added}</span><span class="lrm-soft">${shown}</span>`);
+    fill("fall", lrmHtml`<span class="lrm-fall-figure">${whole}</span><span class="lrm-soft">${shown}</span>`);
   }
 
   // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
@@ -51,10 +51,8 @@ function lrmSteps(page) {
   // ---- cards
 
   function drawCards() {
-    const box = place("cards"), v = state.values, all = v.together;
-    if (drawCards.of !== v) {
-      fill("cards", lrmHtml`${v.cards.map(article)}${all ? lrmHtml`<p class="lrm-together">All ${all.steps} steps together: ${all.fall} mm${all.held_out ? ", held out" : ""}.</p>` : ""}`);
-    }
+    const box = place("cards"), v = state.values;
+    if (drawCards.of !== v) fill("cards", lrmHtml`${v.cards.map(article)}`);
     drawCards.of = v;
     box.closest("section").hidden = !v.cards.length;
     v.cards.forEach(drawCard);
@@ -84,7 +82,7 @@ function lrmSteps(page) {
       <ul>${card.rivals.map((rival) => lrmHtml`<li>${rival.title} (${rival.name}): ${rival.why}</li>`)}</ul>`;
     return lrmHtml`<article class="lrm-card-of-step"><h3>${card.number}. ${named(card)}: ${fall}${card.label ? lrmHtml` <span class="lrm-label lrm-shows-${card.shows}">${card.label}</span>` : ""}</h3>
       <div class="lrm-card-says">${lrmSketch(card.sketch)}
-        <p>${card.claim ? `${one}${card.claim}. ` : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.${left}</p>
+        <p>${card.claim ? `${one}${card.claim}. ` : ""}RMS error ${card.held_out ? state.values.unseen : "on these data"}: ${fall}${share}.${left}</p>
         ${card.unrivalled ? lrmHtml`<p>No other effect explained it as well.</p>` : ""}
         ${card.rivals.length ? rivals : card.unrivalled ? "" : lrmHtml`<p class="lrm-soft">${others(card)}</p>`}</div>
       <div class="lrm-figure lrm-card-figure" id="lrm-card-${card.number}"></div><p class="lrm-sample lrm-soft"></p>

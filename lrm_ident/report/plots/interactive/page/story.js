@@ -28,7 +28,7 @@ function lrmStory(page) {
     const rows = [...steps.map((step) => ({ ...step, note: v.history[step.number]?.here === false ? "fitted to other data" : "" })),
       ...(added ? [{ title: `if added: ${one.title}`, kind: "if added", number: null, left: one.held, left_mm: one.heldOut, before_mm: end.left_mm }] : []),
       ...ends.map(([title, mm]) => ({ title, kind: "end", number: null, left: words(mm), left_mm: mm, before_mm: mm }))];
-    const what = [`${story.held_out ? "RMS error at poses that the fit did not use (held-out)" : "RMS error on these data"}, mm. Pale: error that remains. Solid: error taken away.`,
+    const what = [`RMS error ${story.held_out ? `${v.unseen} (held-out)` : "on these data"}, mm. Pale: error that remains. Solid: error taken away.`,
       added ? "Hatched: what the chosen effect would take away." : "", noise === null ? "" : "Dotted line: measurement noise.",
       scale < most ? "Bars with a gap are cut short." : ""].filter(Boolean).join(" ");
     const box = fill("story", lrmHtml`<ol class="lrm-waterfall" style="--noise: ${noise === null ? "-10%" : 100 * Math.min(noise / scale, 1) + "%"}">${rows.map((each) => row(each, scale))}</ol>
