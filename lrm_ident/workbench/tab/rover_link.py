@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
 from dataclasses import dataclass, field
 from typing import Self
@@ -62,8 +63,11 @@ class RoverLink:
         return cls(Rover(robot, [endpoint]))
 
     def start(self) -> None:
-        """Begins to ask."""
-        threading.Thread(target=self._ask, daemon=True).start()
+        """Begins to ask, until `close` or the end of the program, which zenoh does not survive amid a query."""
+        asking = threading.Thread(target=self._ask, daemon=True)
+        asking.start()
+        atexit.register(asking.join, AGAIN_S)
+        atexit.register(self.close)
 
     def close(self) -> None:
         """Ends it."""
