@@ -58,14 +58,14 @@ test: setup ## ruff, mypy and all tests, three at a time: first all that compute
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
 
-quick: setup ## the unit tests that are not marked slow, in about a minute
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
+quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"
 
 offline: setup ## the tests of the offline tool alone, as macOS and Windows run them
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs -m "not slow" --ignore-glob '*_in_browser.py' tests/math tests/ik tests/ident
 
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
-	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/*_in_browser.py
+	SCREENSHOTS=1 $(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/*_in_browser.py
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
@@ -136,6 +136,7 @@ fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it
 
 soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -m soak tests/system --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.lines

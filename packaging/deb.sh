@@ -59,7 +59,7 @@ for command in "lrmd lrmd.main" "lrmd-board lrmd.sim.process" "lrm lrmd.cli.app"
 #!/bin/sh
 PYTHONPATH=\$(dirname "\$(readlink -f "\$0")")/../lib\${PYTHONPATH:+:\$PYTHONPATH}
 export PYTHONPATH
-exec "\${LRM_PYTHON:-$PYTHON}" -s -c 'import sys; sys.argv[0] = "$name"; from ${command#* } import main; main()' "\$@"
+exec "\${LRM_PYTHON:-$PYTHON}" -s -c 'import sys; sys.argv[0] = "$name"; from ${command#* } import main; sys.exit(main())' "\$@"
 STARTER
     chmod 755 "$program/bin/$name"
     mkdir -p "$stage/usr/bin"
@@ -104,6 +104,7 @@ set -e
 if [ "$1" = remove ] && [ -d /run/systemd/system ]; then
     systemctl disable --quiet --now lrmd.service lrmd-sim.service || true
 fi
+find /opt/lrm -name __pycache__ -type d -prune -exec rm -rf {} + # what Python compiled there
 SCRIPT
 chmod 755 "$stage/DEBIAN/postinst" "$stage/DEBIAN/prerm"
 mkdir -p "$OUT"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from hypothesis import HealthCheck, settings
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting import cross_validation
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
+from tests.support.sweep import in_soak
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
@@ -31,15 +34,31 @@ settings.register_profile("thorough", _LAWS, max_examples=300, derandomize=False
 settings.load_profile("lrm")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves out what is for `make soak` alone."""
+    left_out = set() if in_soak() else {item for item in items if item.get_closest_marker("soak")}
+    items[:] = [item for item in items if item not in left_out]
+    config.hook.pytest_deselected(items=[*left_out])
+    _slow_files_first(items)
+
+
+def _slow_files_first(items: list[pytest.Item]) -> None:
     """Files with slow tests first in each third of the list, with which three workers begin: no long test comes last.
 
     A file stays together, since its tests share fixtures.
     """
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    slow = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("long")}
     files = sorted(dict.fromkeys(item.path for item in items), key=lambda path: path not in slow)
     place = {path: number for third in range(3) for number, path in enumerate(files[third::3], third * len(files))}
     items.sort(key=lambda item: place[item.path])
+
+
+@pytest.fixture(scope="module")
+def one_step_folds() -> Iterator[None]:
+    """Held-out errors are one step from the fit, as of many poses: a refit of every fold is half of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cross_validation, "MOST_REFITTED", 0)
+        yield
 
 
 @pytest.fixture(scope="session")

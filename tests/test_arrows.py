@@ -15,6 +15,8 @@ import pytest
 from tests.conftest import ROOT
 from tests.support.source_files import files, folder_of, imported_names, late_look_ups, room_arrows, syntax_tree
 
+pytestmark = pytest.mark.long
+
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
@@ -26,7 +28,7 @@ LAYERS = {
     "lrm_ros2": "diagnostics action_types message_types trajectory sender_watch arrivals ros_endpoints ros_node "
     "bridge action command",
     "lrm_skills": "behaviours rafcon_library",
-    "lerobot_robot_lrm": "units least_deviation kernel_arm correction bounded corrected_arm servo_check late_replies "
+    "lerobot_robot_lrm": "units least_deviation kernel_arm correction bounded corrected_arm servo_check "
     "wrapped_robot calibrated_robot calibrated_pair processor pipelines registration",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""

@@ -5,8 +5,12 @@ from __future__ import annotations
 import ast
 from collections import defaultdict
 
+import pytest
+
 from tests.conftest import ROOT
 from tests.support.source_files import files, syntax_tree
+
+pytestmark = pytest.mark.long
 
 OTHERS = ("examples", "bench", "validation", "firmware", "tests/support", "tests/soak")
 PACKAGES = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lrm_skills", "lerobot_robot_lrm", *OTHERS)

@@ -33,12 +33,16 @@ SERVOS = "lerobot:, feetech: and dynamixel:"
 
 @dataclass(frozen=True)
 class ArmConnection:
-    """An arm and the name of its description; `daemon`: its own, or None; `drive`: opens it."""
+    """An arm and the name of its description; `daemon`: its own, or None; `drive`: opens it.
+
+    `rates`: (n,), how fast its joints turn at most (rad/s).
+    """
 
     name: str
     arm: Arm
     daemon: Rover | None
     drive: OpenArm
+    rates: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ class ArmAccess:
         with daemon or nullcontext():
             name = arm or (SO101 if daemon is None else daemon.info().arm)
             described = load_arm(name)
-            yield ArmConnection(name, described, daemon, self._drive(daemon, described, client))
+            rates = self._rates(described) if daemon is None else daemon.info().rate_rad_per_s[: described.dof]
+            yield ArmConnection(name, described, daemon, self._drive(daemon, described, client), tuple(rates))
 
     def _daemon(self) -> Rover | None:
         """The connection with a daemon, None for servos without one. Raises `LrmError`: what only these take."""
@@ -80,15 +85,19 @@ class ArmAccess:
 
     def _drive(self, daemon: Rover | None, arm: Arm, client: str) -> OpenArm:
         """Opener of a daemon's arm, or of servos without one."""
-        from lrm_ident.measuring.campaign.servo_arm import SPEED
         from lrm_ident.measuring.campaign.session import BUSES, by_daemon, by_servos
 
         if self.release and not self.robot.startswith(tuple(kind.prefix for kind in BUSES)):
             raise LrmError(f"--release: it goes with {' and '.join(kind.prefix for kind in BUSES)}")
         if daemon is not None:
             return partial(by_daemon, daemon, arm, self.take, client)
-        rate = SPEED if self.speed is None else math.radians(self.speed)
-        return partial(by_servos, self.robot, arm, rate, self.release)
+        return partial(by_servos, self.robot, arm, max(self._rates(arm)), self.release)
+
+    def _rates(self, arm: Arm) -> tuple[float, ...]:
+        """(n,), speed of servos without a daemon (rad/s)."""
+        from lrm_ident.measuring.campaign.servo_arm import SPEED
+
+        return (SPEED if self.speed is None else math.radians(self.speed),) * arm.dof
 
 
 def target_numbers(tool: int, base: int, tracker: str) -> TargetNumbers:

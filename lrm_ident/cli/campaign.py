@@ -98,7 +98,9 @@ def measure(
     every batch it fits, diagnoses, and chooses the next poses. It measures some of them twice.
     """
     from lrm_ident.design.adaptive_batch import StoppingGoal
+    from lrm_ident.measuring.campaign.duration import pose_durations
     from lrm_ident.measuring.campaign.plan import load_plan
+    from lrm_ident.measuring.campaign.run import PredictedSettling
     from lrm_ident.measuring.campaign.session import CampaignOrder, connected
     from lrm_ident.measuring.campaign.session import measure as run
 
@@ -109,11 +111,12 @@ def measure(
         if motion is not None:
             timing = _settled(motion, link.arm, plan, timing, speed)
         notice(*plan.notices)
-        if goal is None and timing.pause:
-            least = _duration(sum(max(timing.pause, pose.hold) for pose in plan.poses))
-            longer = sum(pose.hold > timing.pause for pose in plan.poses)
-            held = f", {longer} of them longer (hold_s)" if longer else ""
-            show(f"{len(plan.poses)} poses, at least {timing.pause:g} s each (--pause){held}: {least} for all")
+        if goal is None and not isinstance(timing, PredictedSettling):
+            each = pose_durations(plan.poses, timing, link.rates)
+            least = f", at least {timing.pause:g} s each (--pause)" if timing.pause else ""
+            longer = int((each > timing.pause).sum()) if timing.pause else 0
+            held = f", {longer} of them longer (a long way, or hold_s)" if longer else ""
+            show(f"{len(plan.poses)} poses{least}{held}: about {_duration(float(each.sum()))} for all, moves included")
         changer = load_changer(load_command)
         order = CampaignOrder(
             link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept, orientation
@@ -251,7 +254,7 @@ def verify(
     """Send the tip to goals through inverse kinematics with a model, and measure where it lands.
 
     Uses the daemon's model, or --model with LeRobot or bare servos. Prints the measured error beside the predicted
-    one: rounding to counts, and the uncertainty of the model.
+    one: rounding to counts, the uncertainty of the model, and the error that it left at the poses of its fit.
     """
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock, connected

@@ -24,7 +24,6 @@ from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_ident.design.advice import next_poses
 from lrm_ident.design.candidate_poses import (
     ANY,
-    USUAL_LEVELS,
     ClearanceRules,
     clear_poses,
     floor_above_table,
@@ -115,7 +114,7 @@ def design(
         Option(
             "--poses",
             metavar="CSV",
-            help="Candidate poses. Default: all combinations of --levels that keep clear of obstacles.",
+            help="Candidate poses. Default: those of --levels that keep clear of obstacles.",
         ),
     ] = None,
     count: Annotated[
@@ -165,9 +164,9 @@ def design(
         str,
         Option(
             help="Angles to combine for each joint: how many, or which (deg): '5; joint2=-50,0,50; joint6=3'; or any: "
-            "random poses at any angles. Default: 5; any, where 5 cannot distinguish the effects of --separate."
+            "random poses at any angles."
         ),
-    ] = "",
+    ] = ANY,
     loads_g: Annotated[str, Option(help="Loads at the tool, by commas. Every pose is offered with each load.")] = "0",
     repeats: Annotated[
         int | None,
@@ -215,8 +214,6 @@ def design(
     session = None if camera is None else read_toml(camera, CameraSession)
     movable = the_arm if mounted is None else mounted.measured_arm
     loads = _loads(loads_g)
-    tried = (None,) if poses is not None else (levels,) if levels else USUAL_LEVELS
-    offers = [partial(_offer, movable, poses, one, loads, rules, seed, session) for one in tried]
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
         raise LrmError("--separate raises determinants: it goes with --index O1 only")
@@ -236,7 +233,8 @@ def design(
         prior=None if mounted is None else mounted.covariance,
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
-        offer, found = next_poses(task, offers, tick, pool)
+        offer = _offer(movable, poses, levels, loads, rules, seed, session)
+        found = next_poses(task, offer, tick, pool)
     publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
     if floor_mm != "none":
         _say_floor(movable, found.poses.q, None if poses is not None else rules.floor)
@@ -346,7 +344,7 @@ def _loads(text: str) -> list[float]:
 def _offer(
     arm: Arm,
     poses: Path | None,
-    levels: str | None,
+    levels: str,
     payloads: Sequence[float],
     rules: ClearanceRules,
     seed: int,
@@ -361,7 +359,7 @@ def _offer(
             words += f", {len(given)} of which show the board to the camera"
         return CandidateSet(Poses(given.q, given.payload), words, {})
     narrowed = None if camera is None else partial(_in_view, camera, arm)
-    return clear_poses(arm, parse_levels(arm, levels or ANY), payloads, rules, seed, narrowed)
+    return clear_poses(arm, parse_levels(arm, levels), payloads, rules, seed, narrowed)
 
 
 def _floor(text: str, arm: Arm, apart: float) -> float | None:
@@ -392,7 +390,5 @@ def _in_view(camera: CameraSession, arm: Arm, q: Array) -> tuple[Array, str]:
     seen = q[visible(camera, arm, poses_of(q))]
     words = f", {len(seen)} of these show the board to the camera"
     if not len(seen):
-        raise LrmError(
-            f"{len(q)} combinations of levels keep clear{words}; move the camera, or turn the board on the tool"
-        )
+        raise LrmError(f"{len(q)} poses keep clear{words}; move the camera, or turn the board on the tool")
     return seen, words

@@ -7,14 +7,13 @@ expected of the true cause (`lrm_ident.design.expected_lead`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from lrm_ident.design.candidate_poses import ClearanceRules, floor_above_table, random_poses
-from lrm_ident.design.discrimination import UnsuitableRival
 from lrm_ident.design.expected_lead import NEEDED, CandidateCause, CausePair, as_measured, expected
 from lrm_ident.design.pose_design import (
     CandidateSet,
@@ -131,38 +130,22 @@ def advise(
 
 def next_poses(
     problem: DesignProblem,
-    offers: Sequence[Callable[[], CandidateSet]],
+    candidates: CandidateSet,
     progress: OnProgress = silent,
     executor: Executor | None = None,
-) -> tuple[CandidateSet, PoseDesign]:
-    """The design of the first candidates offered which tells all rivals apart, else the best; tried by simulation.
+) -> PoseDesign:
+    """The design of some candidates, its rivals tried by simulation.
 
-    Raises `LrmError`: no candidates allow a design; where they cannot tell the rivals apart, with the advice on others.
+    Raises `LrmError`: no design; where the candidates cannot tell the rivals apart, with the advice on others.
     """
-    best: tuple[CandidateSet, PoseDesign] | None = None
-    refused: list[LrmError] = []
-    for offer in offers:
-        try:
-            candidates = offer()
-            found = design(problem, candidates.poses, progress, executor)
-        except UnsuitableRival:
-            raise
-        except LrmError as error:
-            refused.append(error)
-            continue
-        if best is None or _least(found.pairs) > _least(best[1].pairs):
-            best = candidates, found
-        if all(pair.told or pair.cosine > EQUIVALENCE_COSINE for pair in found.pairs):
-            break  # other poses hardly change how alike two motions are
-    if best is not None:
-        return best[0], tried(problem, best[1])
-    if not isinstance(refused[0], Indistinguishable):
-        raise refused[0]
-    keys = beside(problem, problem.keys or fittable(problem.model))
-    model = problem.model.with_free(keys)
-    advice = advise(model, problem.likely(keys), problem.measured, problem.noise, problem.seed)
-    offer_words = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
-    raise Indistinguishable(f"{refused[0]}. {advice.sentence}{offer_words}") from None
+    try:
+        return tried(problem, design(problem, candidates.poses, progress, executor))
+    except Indistinguishable as error:
+        keys = beside(problem, problem.keys or fittable(problem.model))
+        model = problem.model.with_free(keys)
+        advice = advise(model, problem.likely(keys), problem.measured, problem.noise, problem.seed)
+        offer_words = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
+        raise Indistinguishable(f"{error}. {advice.sentence}{offer_words}") from None
 
 
 def _least(pairs: Sequence[CausePair]) -> tuple[int, float]:

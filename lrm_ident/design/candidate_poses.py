@@ -29,9 +29,8 @@ MAX_COMBINATIONS = 300_000
 NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never leave; their shapes keep it clear
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
 ANY, MOST_DRAWS, RANDOM_CANDIDATES = "any", 40, 1000
-"""Levels of joints that may stand anywhere; how often poses are drawn for that; how many are offered."""
-USUAL_LEVELS = (str(DEFAULT_LEVELS), ANY)
-"""Levels that are offered where nobody states any, one after the other until effects can be told apart."""
+"""Levels of joints that may stand anywhere, as where nobody states any: few levels leave open how a joint errs between
+them. How often poses are drawn for that; how many are offered."""
 Narrowing = Callable[[Array], tuple[Array, str]]
 """From angles (N, n) in rad to those that may be used, and words on them that follow those on the others."""
 
@@ -65,7 +64,7 @@ class CandidateGrid:
     rejected: dict[str, int]
 
 
-def parse_levels(arm: Arm, text: str = str(DEFAULT_LEVELS)) -> tuple[tuple[float, ...], ...]:
+def parse_levels(arm: Arm, text: str = ANY) -> tuple[tuple[float, ...], ...]:
     """The levels of every joint (rad) from text such as `5`, `-100,0,100` or `5; joint2=-50,0,50; joint6=3`.
 
     One number is a count of levels, evenly from limit to limit; several are angles in deg; `any` gives no levels.
@@ -183,9 +182,9 @@ def _tcp_to_boxes(scene: Scene, tcp: Array) -> Array:
     return nearest
 
 
-def _at_any_angles(arm: Arm, rules: ClearanceRules, seed: int) -> CandidateGrid:
-    """Random poses that keep the rules. Raises `LrmError`: none does."""
-    q = random_poses(arm, RANDOM_CANDIDATES, rules, seed)
+def _at_any_angles(arm: Arm, count: int, rules: ClearanceRules, seed: int) -> CandidateGrid:
+    """At most `count` random poses that keep the rules. Raises `LrmError`: none does."""
+    q = random_poses(arm, count, rules, seed)
     if not len(q):
         raise LrmError("no random pose keeps the rules: give --levels, or smaller distances")
     return CandidateGrid(q, len(q), {})
@@ -201,9 +200,10 @@ def clear_poses(
 ) -> CandidateSet:
     """The combinations of levels (rad) that keep the rules, each under every payload (kg). Raises `LrmError`.
 
-    `levels`: empty for poses at any angles, drawn at random.
+    `levels`: empty for poses at any angles, drawn at random; more of them where they are narrowed.
     """
-    clear = candidate_grid(arm, levels, rules) if levels else _at_any_angles(arm, rules, seed)
+    drawn = RANDOM_CANDIDATES if narrowed is None else MOST_CANDIDATES
+    clear = candidate_grid(arm, levels, rules) if levels else _at_any_angles(arm, drawn, rules, seed)
     q, more = (clear.q, "") if narrowed is None else narrowed(clear.q)
     what = f"{clear.tried} combinations of levels" if levels else f"{clear.tried} random poses"
     words = f"{len(clear.q)} of {what} keep clear{more}"

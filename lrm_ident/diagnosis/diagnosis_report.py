@@ -171,7 +171,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         deployed=confirmed.deployed,
         ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(diagnosis, supported)),
         share=confirmed.share,
-        limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),
+        limitations=audit(diagnosis.data.poses, diagnosis.fit.equilibrium.joint_torque),
         hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
         patterns=patterns,
         hints=parameter_hints(diagnosis.fit),

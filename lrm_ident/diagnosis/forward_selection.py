@@ -241,7 +241,7 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
 def _inseparable(
     one: ScoredCandidate, with_it: LinearEstimate, rival: ScoredCandidate, instead: LinearEstimate
 ) -> bool:
-    """Whether two effects predict alike, or move the TCP alike."""
+    """Whether two effects predict alike, or move the TCP alike, be it in a part of what the larger one can do."""
     close = paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
     return close or cosine_of_bases(one.orthonormal, rival.orthonormal) > EQUIVALENCE_COSINE
 

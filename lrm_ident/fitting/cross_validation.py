@@ -20,7 +20,7 @@ from lrm_ident.fitting.field.fit import blocks_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.fitting.least_squares.block_qr import NormalEquations
 from lrm_ident.fitting.least_squares.objective import Objective
-from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit, least_poses
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import Prior
@@ -163,6 +163,7 @@ def held_out_blocks(
         everywhere = solve_equilibrium(named, data.poses)
         folds = (_at_rows(everywhere, split.predicted) for split in splits)
     elif len(data) <= MOST_REFITTED:
+        _check_enough(len(data), len(named.free), splits, prior)
         folds = _refitted(named, data, splits, bounds, loss, prior)
     else:
         folds = one_step_fits(fit(named, data, bounds, loss, prior), data, splits, bounds, prior)
@@ -184,6 +185,18 @@ def _splits(data: Measurements, fold: NDArray[np.int64] | None = None, most: int
     if fold is None:
         fold = held_out_folds(data)
     return [Split.of(np.flatnonzero(fold == number), len(data), most) for number in range(int(fold.max()) + 1)]
+
+
+def _check_enough(poses: int, parameters: int, splits: Sequence[Split], prior: Prior | None) -> None:
+    """Raises `LrmError`: a fold leaves fewer poses than a fit needs."""
+    most, least = max(len(split.test) for split in splits), least_poses(parameters, prior)
+    if poses - most < least:
+        enough = -(-least * len(splits) // max(len(splits) - 1, 1))
+        raise LrmError(
+            f"{poses} poses for {parameters} parameters: the held-out error leaves out {most} of them at a time, and "
+            f"the fit to the other {poses - most} needs {least}; measure at least {max(enough, poses + 1)} poses, or "
+            "fit fewer parameters (fit --parameters)"
+        )
 
 
 def _at_rows(whole: OfPoses, rows: NDArray[np.int64]) -> OfPoses:

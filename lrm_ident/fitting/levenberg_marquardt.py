@@ -146,14 +146,19 @@ def implausible_of(fitted: Fit) -> tuple[ImplausibleEstimate, ...]:
     return implausible_estimates(fitted.model, Covariance(fitted.model.free, fitted.covariance))
 
 
-def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
-    """Raises `LrmError` for fewer poses than parameters; with a prior, for no more coordinates than parameters.
+def least_poses(parameters: int, prior: Prior | None = None) -> int:
+    """Poses that a fit needs: as many as parameters; with a prior, as many coordinates as parameters.
 
-    The noise could not be estimated from so few; where the prior knows it, one pose is enough.
+    The noise could not be estimated from fewer; where the prior knows it, one pose is enough.
     """
-    if prior is not None and prior.noise is not None:
-        return
-    least = parameters if prior is None else parameters // 3 + 1
+    if prior is None:
+        return parameters
+    return 1 if prior.noise is not None else parameters // 3 + 1
+
+
+def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
+    """Raises `LrmError` for fewer than `least_poses`."""
+    least = least_poses(parameters, prior)
     if poses < least:
         raise LrmError(
             f"{poses} poses for {parameters} parameters; measure at least {least} poses, or fit fewer parameters "

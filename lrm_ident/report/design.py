@@ -21,7 +21,9 @@ from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
+from lrm_ident.residual.data_audit import audit
 from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 WORST_SHOWN = 8
@@ -74,6 +76,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
+    limitations = _limitations(task, found)
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -84,6 +87,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
         "each joint from the side in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
+        *section("\nWhat these poses lack", limitations),
     ]
     details: list[Block] = [
         *gains[1:],
@@ -111,6 +115,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "with_these": _knowledge(found, found.after),
         "with_blind_ones": _knowledge(found, found.random_after),
         "in_words": [*gains, *leads],
+        "limitations": limitations,
     }
     about = "candidates, observability indices, the least known parameters"
     return Document(blocks, "lrm/design/1", values, _knowledge_table(found), details, about)
@@ -163,6 +168,16 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
     for rivals in zip(*separated, strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
     return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
+
+
+def _limitations(task: DesignProblem, found: PoseDesign) -> tuple[str, ...]:
+    """What a diagnosis will report that it cannot see, as far as poses decide it: `audit`, before they are measured.
+
+    None for poses that add to measured ones, which are audited together then, or for an arm that is known beforehand.
+    """
+    if task.measured is not None or task.prior is not None:
+        return ()
+    return audit(found.poses, solve_equilibrium(task.model, found.poses).joint_torque)
 
 
 def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:

@@ -6,21 +6,21 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Excitation
+from lrm_math.kinematics.poses import Poses
 
 FEW_LEVELS, STRONG_CORRELATION = 4, 0.8
 MOST_OF_RANGE = 2 / 3
 """Share of a joint's range from which a verdict speaks for the whole of it: a convention."""
 
 
-def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
-    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m.
+def audit(poses: Poses, torque: Array) -> tuple[str, ...]:
+    """Deficiencies of poses, measured or planned, one sentence each, the most severe first. `torque`: (N, n), N·m.
 
     What to measure instead is the matter of `design.advice`, which tries it.
     """
-    excitation = Excitation(data.poses, torque)
+    excitation = Excitation(poses, torque)
     checks = (_levels, _order, _reversals, _signs, _loads)
     return tuple(sentence for check in checks for sentence in check(excitation))
 

@@ -8,10 +8,16 @@ import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.effects import EffectRef, ParameterRef
-from lrm_math.effects.tracker_errors import MeasurementFrame
+from lrm_math.effects.tracker_errors import DepthScale, MeasurementFrame
 
 HALF = 0.5
 """Share of its variance that the scale must owe to the lengths for a known length to decide it."""
+
+ALONG_ONE_DIRECTION = (
+    "taken as right across that direction: no pose distinguishes a scale along all axes together from longer links. "
+    "A known length does: measure some distances, too (distance_mm), with a string or a ball bar."
+)
+"""What an error of depth alone supposes."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +59,15 @@ def scale_uncertainty(fitted: Fit) -> ScaleUncertainty | None:
     return ScaleUncertainty(variance**0.5, (variance * float((apart**2).sum(axis=1).mean())) ** 0.5)
 
 
-def scale_caveat(added: str, fitted: Fit) -> str:
-    """The sentence of the scale that a step leaves open which adds a tracker's frame; empty for others."""
-    found = scale_uncertainty(fitted) if added and EffectRef.parse(added).id == MeasurementFrame.id else None
+def scale_sentence(fitted: Fit) -> str:
+    """What stays open of a tracker's scale; empty where nothing does."""
+    if any(effect.id == DepthScale.id for effect in fitted.model.effects):
+        return ALONG_ONE_DIRECTION
+    found = scale_uncertainty(fitted)
     return "" if found is None else found.sentence
+
+
+def scale_caveat(added: str, fitted: Fit) -> str:
+    """The sentence of the scale that a step leaves open which adds a tracker's scale; empty for others."""
+    of_scale = added and EffectRef.parse(added).id in (DepthScale.id, MeasurementFrame.id)
+    return scale_sentence(fitted) if of_scale else ""

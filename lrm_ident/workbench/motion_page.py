@@ -12,7 +12,7 @@ import numpy as np
 
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.motion.motion_picture import AXES, READ
-from lrm_ident.measuring.motion.motion_report import auto_document, comparison_document, in_unit, motion_document
+from lrm_ident.measuring.motion.motion_report import auto_document, comparison_document, in_unit, parameter_table
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import blocks_html
@@ -54,8 +54,7 @@ BODY = """<header>
 def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
     """The page's text; `before`: the servos' response alone on the same moves; `model`: its file, for commands."""
     document = auto_document(after, after.judged(), model)
-    documents = (document, comparison_document(after), motion_document(after, "Errors of the model"))
-    blocks = "\n".join(blocks_html(one.whole) for one in documents)
+    blocks = blocks_html([*document.whole, *comparison_document(after).whole, parameter_table(after)])
     concluded, title = document.values["conclusion"], f"Motion: {after.moves.name}, {after.moves.arm.name}"
     assert isinstance(concluded, Conclusion)
     steps_px = 90 + 30 * len(after.history)

@@ -53,6 +53,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "session_errors.Drift",
         "session_errors.Session",
         "session_errors.ChangePoint",
+        "tracker_errors.DepthScale",
         "tracker_errors.MeasurementFrame",
         "tracker_errors.Anchor",
         "tracker_errors.TouchedPoint",

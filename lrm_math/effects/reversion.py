@@ -61,7 +61,7 @@ class Reversion:
             if math.isfinite(end)
         ]
         names = ", ".join(self.terms)
-        what = f"the model goes back to one without empirical terms whose size varies with that angle: {names}"
+        what = f"the model goes back to one without terms that hold only where they were measured: {names}"
         return f"{' and '.join(ends)} {what}."
 
     @cached_property

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
+from math import radians
 from typing import ClassVar
 
 from lrm_math.arm.arm import Arm
@@ -26,6 +27,8 @@ from lrm_math.kinematics.scalar_or_array import cos, sin
 
 ANCHOR_TYPICAL = 0.1  # m: how well a point beside an arm is known without measuring it
 FRAME_TYPICAL = 1e-3 / 3.0  # calibrated trackers are right to 1 mm in a metre
+DIRECTIONS = tuple(radians(degrees) for degrees in range(-120, 121, 30))
+"""rad: azimuths and elevations to begin with; they overlap, so that no direction lies at an end of the range."""
 SYMMETRIC = ("xx", "yy", "zz", "xy yx", "xz zx", "yz zy")
 """Entries of a symmetric matrix: row and column."""
 SCALES = (*(f"scale_{axis}" for axis in "xyz"), *(f"shear_{axes}" for axes in ("xy", "xz", "yz")))
@@ -70,11 +73,45 @@ class MeasurementFrame(LinearEffect):
         return tuple(_entries(words, self.targets) for words in SYMMETRIC)
 
 
+class DepthScale(Effect):
+    """Scale of the tracker along one direction, mostly a camera's line of sight.
+
+    Across that direction the tracker is right: this tells the arm's lengths, which `MeasurementFrame` leaves open.
+    """
+
+    id = "depth_scale"
+    depends_on = ("session",)
+    extrapolation = Extrapolation.PROPORTIONAL
+    about = Description(
+        cause="The tracker's depth is wrong: a camera's focal length, its base line or the printed size of its target.",
+        formula="x_seen = x + s (n · (x - centre of the measured points)) n, n = (ce ca, ce sa, se)",
+        source="depth, the least certain direction of triangulation (Matthies & Shafer 1987)",
+        claim="the tracker stretches by {scale_mm_per_m} along {azimuth_rad} about z, {elevation_rad} up",
+    )
+    parameters = (
+        _distortion("scale", "stretch along the direction"),
+        Parameter("azimuth_rad", "azimuth of the direction from x about z", 1.0, fixed=0.0, scan=DIRECTIONS),
+        Parameter("elevation_rad", "elevation of the direction over x and y", 1.0, fixed=0.0, scan=DIRECTIONS),
+    )
+    targets = MeasurementFrame.targets
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """The frame of measurement."""
+        return (FRAME_PLACE,)
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """The matrix s n nᵀ."""
+        scale, azimuth, elevation = p
+        n = (cos(elevation) * cos(azimuth), cos(elevation) * sin(azimuth), sin(elevation))
+        return tuple(scale * row * column for row in n for column in n)
+
+
 class FrameCurve(LinearEffect):
     """A tracker's distortion of space: polynomial of the second degree and radial term of the third."""
 
     id = "frame_curve"
-    variant_of = ("measurement_frame",)
+    variant_of = ("depth_scale", "measurement_frame")
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
     about = Description(
         cause="A lens, a turntable or a scale of the tracker errs by where in space the target is.",

@@ -74,7 +74,7 @@ class CalibratedSolver:
 
         Args:
             left_out: effects to leave out. Those that only explain a measurement session (drift, session,
-                measurement_frame) have to be named here, so that none is dropped silently.
+                measurement_frame, depth_scale) have to be named here, so that none is dropped silently.
             covariance: of the model's parameters; None if it is not known.
             joint_sd: (n,), rad, repeatability of each servo; None if it is not known.
             clock: of the servo board; None takes it from the effect `quantisation`, if the model has that.

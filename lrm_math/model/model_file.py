@@ -212,6 +212,11 @@ class ModelFile(StrictSchema):
     history: list[HistoryTable] = []
     provenance: ProvenanceTable | None = None
 
+    @property
+    def residual(self) -> float:
+        """RMS distance (m) of the measured TCP from the model at the poses of its last fit; 0 where it is not known."""
+        return self.history[-1].fit_rms_mm * 1e-3 if self.history else 0.0
+
     @model_validator(mode="before")
     @classmethod
     def _of_version_1(cls, table: object) -> object:

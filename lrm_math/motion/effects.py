@@ -8,6 +8,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import Description, Parameter
 from lrm_math.kinematics.chain import Number
 from lrm_math.motion.base import JointDrive, MotionEffect, Values
+from lrm_math.motion.spring_step import sprung
 
 LEAST_TORQUE = 0.02
 """N·m RMS about its mean below which a load hardly moves any joint: 0.03 rad/N·m make 0.03° of it."""
@@ -141,16 +142,24 @@ class AccelerationLimit(MotionEffect):
     )
 
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
-        """Trapezoidal profile: as fast as still can be braked, sqrt(2 a distance), changed by a h at most."""
-        out, step, a = np.empty_like(u), p[0] * drive.h, 2.0 * p[0]
+        """Trapezoidal profile: time-optimal to the goal of each step, in closed form; the mean over the step."""
+        out, a, h = np.empty_like(u), p[0], drive.h
         now = _begun(u[0], drive, np.abs(drive.speed) * LAG_S + AT_REST)
         speed = np.broadcast_to(drive.speed, now.shape)
         for k in range(len(u)):
             ahead = u[k] - now
-            wanted = np.sign(ahead) * np.minimum(np.sqrt(a * np.abs(ahead)), np.abs(ahead) / drive.h)
-            speed = speed + np.clip(wanted - speed, -step, step)
-            now = now + drive.h * speed
-            out[k] = now - 0.5 * drive.h * speed
+            side = np.where(2.0 * a * ahead >= speed * np.abs(speed), 1.0, -1.0)  # else it must brake, or turn back
+            v = side * speed
+            top = np.sqrt(np.maximum(a * side * ahead + 0.5 * v**2, 0.0))
+            rising = np.clip((top - v) / a, 0.0, h)
+            falling = np.minimum(top / a, h - rising)
+            fast = v + a * rising
+            after = fast - a * falling
+            gained, lost = 0.5 * (v + fast) * rising, 0.5 * (fast + after) * falling
+            area = 0.5 * v * rising**2 + a * rising**3 / 6.0 + gained * (h - rising)
+            area = area + 0.5 * fast * falling**2 - a * falling**3 / 6.0 + lost * (h - rising - falling)
+            out[k] = now + side * area / h
+            now, speed = now + side * (gained + lost), side * after
         return out
 
 
@@ -399,19 +408,20 @@ class Swing(MotionEffect):
 
     @staticmethod
     def swung(q: Array, omega: Array, ratio: Array, h: float) -> Array:
-        """(M + 1, P, S), where a mass is on a spring that q leads, at steps of h (s); midpoint rule, from rest."""
-        damped, stiff = ratio * omega * h, (omega * h) ** 2
-        scale, kept = 1.0 / (1.0 + damped + 0.25 * stiff), 1.0 - damped - 0.25 * stiff
+        """(M + 1, P, S), where a mass is on a spring that q leads, known at steps of h (s); from rest.
+
+        z = y − q: z̈ = −ω² z − 2ζω ż − q̈. It swings exactly between the steps; q̈ is of fourth order in h.
+        """
+        turned, moved, kicked, slowed = sprung(omega**2, 2.0 * ratio * omega, h)
         out = np.empty_like(q)
         out[0] = away = np.zeros_like(q[0])
         steps = np.diff(q, axis=0) / h
         jumps = np.diff(steps, axis=0, prepend=steps[:1])
+        jumps[1:-1] -= np.diff(jumps, n=2, axis=0) / 12.0
         speed = np.zeros_like(away)
-        for k in range(len(steps)):  # z = y − q: z̈ = −ω² z − 2ζω ż − q̈
+        for k in range(len(steps)):
             speed = speed - jumps[k]
-            then = (kept * speed - stiff / h * away) * scale
-            away = away + 0.5 * h * (speed + then)
-            speed = then
+            away, speed = away - turned * away + moved * speed, slowed * speed - kicked * away
             out[k + 1] = away
         return q + out
 

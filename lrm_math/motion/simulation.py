@@ -13,9 +13,12 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.motion.base import JointDrive, MotionEffect, Values
 from lrm_math.motion.effects import ServoResponse
+from lrm_math.motion.spring_step import sprung
 
 LEAST_INERTIA = 0.05
 """J/J₀ of a posture that is lighter than any."""
+IMPLICIT = 4
+"""Times that a friction which falls with speed is put into its own step."""
 
 
 def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: JointDrive) -> Array:
@@ -46,9 +49,8 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     h, (omega, braking) = drive.h, ServoResponse.spring(response)
     braking = braking + omega**2 * sum(effect.damping(drive, p) for effect, p in pairs)
     inertia = np.maximum(1.0 + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
-    kept, moved, kicked, slowed = (
-        np.broadcast_to(x, u.shape) for x in _transition(omega**2 / inertia, braking / inertia, h)
-    )
+    stiffness, braking = omega**2 / inertia, braking / inertia
+    pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in sprung(stiffness, braking, h))
     told = u + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
     fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
@@ -58,24 +60,28 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     out = np.empty((len(u) + 1, *u.shape[1:]))
     out[0], dry = q, bool(np.any(rubs)) or bool(fading)
     for k in range(len(u)):
-        error, push = told[k] - q, 0.0
+        force = told[k] - q
         if most is not None:
-            push = np.clip(error, -most, most) - error  # what the drive does not give, as if it were a force
-        then = kicked[k] * (error + push) + slowed[k] * v
+            limited = np.clip(force, -most, most)
+            force = force - _mean_excess(force, force - pushed[k] * limited - moved[k] * v, most)
+        then = kicked[k] * force + slowed[k] * v
         if dry:
-            bound = rubs[k] + sum(effect.friction_at(v, p) for effect, p in fading)
-            rub = np.clip(-then / kicked[k], -bound, bound)
-            push, then = push + rub, then + kicked[k] * rub
-        q = told[k] + push - kept[k] * (error + push) + moved[k] * v
+            rub = np.zeros_like(q)
+            for _ in range(IMPLICIT if fading else 1):  # friction at the mean speed of the step
+                mean = 0.5 * (v + then + kicked[k] * rub) if fading else v
+                bound = rubs[k] + sum(effect.friction_at(mean, p) for effect, p in fading)
+                rub = np.clip(-then / kicked[k], -bound, bound)
+            force, then = force + rub, then + kicked[k] * rub
+        q = q + pushed[k] * force + moved[k] * v
         v = then
         out[k + 1] = q
     return out
 
 
-def _transition(stiffness: Array, braking: Array, h: float) -> tuple[Array, Array, Array, Array]:
-    """Exact motion of ẍ = −stiffness x − braking ẋ over a step h: x' = a x + b v, v' = −c x + d v; a, b, c, d."""
-    half = 0.5 * braking
-    w = np.sqrt(np.asarray(stiffness - half**2, dtype=np.complex128) + 1e-12)
-    fades, cosine, sine = np.exp(-half * h), np.cos(w * h).real, (np.sin(w * h) / w).real
-    b = fades * sine
-    return fades * (cosine + half * sine), b, stiffness * b, fades * (cosine - half * sine)
+def _mean_excess(before: Array, after: Array, most: Array) -> Array:
+    """What of a deflection (rad) that goes straight from one to another lies beyond ±`most`, the mean over the way."""
+    first, last = (np.maximum(np.abs(x) - most, 0.0) for x in (before, after))
+    change = after - before
+    standing = np.abs(change) < 1e-9
+    along = 0.5 * (last**2 - first**2) / np.where(standing, 1.0, change)
+    return np.asarray(np.where(standing, np.sign(before) * first, along))

@@ -28,7 +28,8 @@ class DeployedModel:
     """A model and its source.
 
     `sha256`: of the file, empty for the nominal arm. `left_out`: ids of its effects that cannot be compensated online.
-    `moved`: how far the tip moves against the model before; None where that was not asked.
+    `moved`: how far the tip moves against the model before; None where that was not asked. `residual`: RMS error that
+    the model left at the poses of its fit (m), 0 where that is not known.
     """
 
     model: Model
@@ -37,6 +38,7 @@ class DeployedModel:
     sha256: str
     left_out: tuple[str, ...]
     moved: TipMovement | None = None
+    residual: float = 0.0
 
     @property
     def digest(self) -> bytes:
@@ -79,7 +81,8 @@ def deploy_file(config: Config, path: Path | None) -> DeployedModel:
     if _content(path) != content:
         raise FileError(path, "model", "changed while it was read", "write it whole, then load it again")
     left_out = tuple(sorted({e.id for e in model.effects if not compensable(e)}))
-    return DeployedModel(model, covariance, str(path), hashlib.sha256(content).hexdigest(), left_out)
+    digest = hashlib.sha256(content).hexdigest()
+    return DeployedModel(model, covariance, str(path), digest, left_out, residual=tables.residual)
 
 
 def _check_arm(config: Config, path: Path, tables: ModelFile, arm: Arm) -> None:

@@ -269,6 +269,7 @@ class IkProcess:
         match request:
             case IkRequest():
                 kind, content["answers"] = IkReply, []
+                content["residual_m"] = service.deployed.residual
                 for answer in service.inverse(request, known):
                     content["answers"].append(answer)
                     yield

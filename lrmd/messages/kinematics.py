@@ -162,10 +162,11 @@ class KinematicsReply(Header):
 
 
 class IkReply(KinematicsReply):
-    """Answers in the order of the goals."""
+    """Answers in the order of the goals. `residual_m`: RMS error that the model left at the poses of its fit."""
 
     left_out: list[str]
     answers: Annotated[list[IkAnswer], Field(max_length=1000)]
+    residual_m: float = 0.0
 
 
 class PlanReply(KinematicsReply):

@@ -16,13 +16,16 @@ from tests.doors.laws import (
     torque_on_moves_nothing,
 )
 from tests.doors.registry import door_kinds, motor_writers
+from tests.support.sweep import seeds
 
-QUICK, SLOW = 20, 2
-"""Sequences of a door, and of one with processes behind it."""
+pytestmark = pytest.mark.long
+
+QUICK, SLOW = 6, 1
+"""Sequences of a door, and of one with processes behind it; more in `make soak`, most in `make doors`."""
 
 
-def seeds(kind: DoorKind) -> range:
-    return range(SLOW if kind.slow else QUICK)
+def seeds_of(kind: DoorKind) -> range:
+    return seeds(SLOW, 2) if kind.slow else seeds(QUICK, 20)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -39,17 +42,17 @@ def kind(request: pytest.FixtureRequest) -> DoorKind:
 
 
 def test_nothing_moves_that_was_not_asked_for_after_the_last_stop(kind: DoorKind) -> None:
-    for seed in seeds(kind):
+    for seed in seeds_of(kind):
         nothing_moves_after_a_stop(kind, seed)
 
 
 def test_whoever_loses_contact_stops(kind: DoorKind) -> None:
-    for seed in seeds(kind):
+    for seed in seeds_of(kind):
         nothing_moves_after_contact_is_lost(kind, seed)
 
 
 def test_torque_on_moves_nothing_and_an_error_names_what_has_torque(kind: DoorKind) -> None:
-    for seed in seeds(kind):
+    for seed in seeds_of(kind):
         torque_on_moves_nothing(kind, seed)
 
 

@@ -19,6 +19,8 @@ from validation import synthetic
 
 reader = pytest.importorskip("mcap.reader", reason="mcap is not installed (lrm-arm[mcap])")
 
+pytestmark = pytest.mark.long
+
 
 def test_joints_tip_scene_and_events_of_a_run_are_read_back(tmp_path: Path) -> None:
     t = np.arange(0.0, 12.0, 6.5e-3)

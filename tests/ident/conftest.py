@@ -1,10 +1,34 @@
-"""A cluster of Dask for the tests that need one."""
+"""What several tests share: the shipped example fitted and diagnosed, and a cluster of Dask."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+
+import lrm_ident as lrm
+from tests.conftest import EXAMPLE
+
+
+@pytest.fixture(scope="session")
+def example_study() -> lrm.Study:
+    """The shipped example, fitted."""
+    return lrm.Study.of(lrm.load(EXAMPLE)).fit()
+
+
+@pytest.fixture(scope="session")
+def example_diagnosis(example_study: lrm.Study) -> lrm.DiagnosisReport:
+    """Its diagnosis."""
+    return example_study.diagnose()
+
+
+@pytest.fixture(scope="session")
+def example_model(example_study: lrm.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its model file, which `lrm-ident fit` would write the same. No test writes to it."""
+    path = tmp_path_factory.mktemp("example") / "model.toml"
+    example_study.save(path)
+    return path
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -24,6 +25,8 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from tests.ik.test_residual_field import LOWER, UPPER, commands, with_field
 from validation.calibrated_ik import distinct
+
+pytestmark = pytest.mark.long
 
 LEVER, REACHED = 0.1, 1e-8
 """m: of turns against distances; of the goal."""
@@ -72,7 +75,7 @@ def continued(model: Model, goal: Array, q: Array) -> Array | None:
     return q
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.2e-3, 1.5e-3))
 def test_branches_that_continue_are_found(seed: int, size: float) -> None:
     model = with_field(("offsets", "compliance"), seed, size)

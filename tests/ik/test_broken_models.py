@@ -65,6 +65,7 @@ def test_a_file_cut_off_anywhere_is_answered_or_one_clear_line(end: int) -> None
     assert all("\n" not in line for line in said)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
 @settings(max_examples=40)
 @given(row=st.sampled_from(VALUES), value=st.sampled_from(ABSURD))

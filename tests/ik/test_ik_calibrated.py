@@ -375,6 +375,7 @@ def test_an_arm_without_servo_tables_has_no_counts() -> None:
         CalibratedSolver.of(model_of(bare, ()), clock=PwmClock(50.0))
 
 
+@pytest.mark.long
 def test_a_model_without_equilibrium_is_refused() -> None:
     thesis = load_model(TABLE_B2)
     soft = {key: 30.0 for key in thesis.keys if key.startswith("compliance")}

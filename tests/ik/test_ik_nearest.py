@@ -108,6 +108,7 @@ def test_nearest_has_distance_and_rotation_angle(
     assert off.distance == pytest.approx(math.dist(position, T[:3, 3]), rel=1e-12)
 
 
+@pytest.mark.long
 @settings(max_examples=40)
 @given(arm=arms, load=st.floats(0.0, 0.2), seed=st.integers(0, 1000), size=st.floats(0.0, 1.0))
 def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: int, size: float) -> None:

@@ -225,6 +225,7 @@ def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, ed
     np.testing.assert_allclose(slots, expected, atol=1e-12)
 
 
+@pytest.mark.long
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.0, 0.1))
 def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: float) -> None:

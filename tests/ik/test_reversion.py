@@ -92,6 +92,7 @@ def test_derivatives_by_the_angles_are_those_of_the_prediction_and_continuous() 
         np.testing.assert_allclose(J[:, :, 3], (sides[0] - sides[1]) / (2 * h), atol=1e-6)
 
 
+@pytest.mark.long
 def test_answers_of_the_inverse_reach_their_goals_beyond_the_edge() -> None:
     solver, solved = CalibratedSolver.of(MODEL), 0
     here = tuple((0.2 * UPPER).tolist())

@@ -22,6 +22,8 @@ from lrm_math.model.model import model_of
 from validation.lerobot_robot.continuity import PathFigures, follow, random_model, random_path
 from validation.lerobot_robot.fitted_arms import fitted_arms
 
+pytestmark = pytest.mark.long
+
 SEVEN = str(Path(__file__).parents[2] / "validation" / "hidden_effects" / "arms" / "seven-joint.toml")
 ARMS = ("so101", "lrm-rover", SEVEN)
 GREATEST = 15.0

@@ -63,6 +63,7 @@ def real_tip(made: Correction, q: Array, motion: Motion) -> Array:
     return solve_equilibrium(made.model, poses).tcp[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "friction"])
 @given(wishes=WISHES)
 def test_the_tip_arrives_where_the_drawn_arms_would_and_is_seen_there(kind: str, wishes: list[list[float]]) -> None:
@@ -80,6 +81,7 @@ def test_the_tip_arrives_where_the_drawn_arms_would_and_is_seen_there(kind: str,
         assert np.abs(seen - wish).max() < np.radians(0.25) + held.any() * REVERSAL
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "friction", "overshoot"])
 @given(wishes=WISHES, tremor=st.floats(0.0, REVERSAL))
 def test_a_joint_goes_on_in_its_direction_or_turns_back_by_more_than_its_slack_or_stays(
@@ -155,6 +157,7 @@ def test_what_is_kept_is_no_error_of_the_arm(keep: str, left: float) -> None:
         Correction.of(model, keep=("elbow",))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["lrm-lab", "ur5"])
 def test_of_an_arm_of_six_joints_no_command_is_worse_than_the_wish(name: str) -> None:
     """Also near singular poses, where the first Gauss–Newton step leads far away."""

@@ -11,13 +11,15 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
+from tests.support.sweep import seeds
 from validation.lerobot_robot.never_worse import lagging_model, rests, tip
 
 ARM = load_arm("so101")
 LEAD = 0.03
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.long
+@pytest.mark.parametrize("seed", seeds(1, 4))
 def test_corrected_is_not_worse_than_uncorrected_at_any_goal(seed: int) -> None:
     made = Correction.of(lagging_model(ARM, np.random.default_rng([2, seed])))
     found = list(rests(made, seed, 12))
@@ -41,7 +43,8 @@ def test_a_joint_that_leads_after_a_turn_stands_at_the_nearer_of_both_sides(shar
     np.testing.assert_allclose(again, sent.q, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.long
+@pytest.mark.parametrize("seed", seeds(2, 6))
 def test_joints_within_their_limits_make_up_for_one_that_ends_at_its_own(seed: int) -> None:
     """Joint 2 would have to be commanded beyond its limit: the tip stays nearer than with this command clipped alone,
     nearer than without correction, and the answer is continuous on the way to the limit."""

@@ -50,6 +50,7 @@ def action_of(degrees: Any, prefix: str = "") -> dict[str, float]:
     return dict(zip((f"{prefix}{name}.pos" for name in NAMES), map(float, degrees), strict=True))
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(wishes=WISHES)
 def test_it_sends_and_observes_what_the_calibrated_robot_does(model: str, wishes: list[list[float]]) -> None:
@@ -66,6 +67,7 @@ def test_it_sends_and_observes_what_the_calibrated_robot_does(model: str, wishes
         assert observation(beside.get_observation()) == robot.get_observation()
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(wishes=WISHES)
 def test_commands_stay_within_the_bounds_after_any_wish(model: str, wishes: list[list[float]]) -> None:

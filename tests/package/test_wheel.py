@@ -30,17 +30,6 @@ PIP = ("install", "--quiet", "--disable-pip-version-check", "--no-index", "-c", 
 READY = 60.0
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of this checkout, built by the hatchling that is here (`make setup` has built with one of its own)."""
-    pytest.importorskip("hatchling", reason="hatchling is not installed")
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    subprocess.run([*command, "--no-build-isolation", "--wheel-dir", str(folder), str(ROOT)], check=True)
-    (built,) = folder.glob("lrm_arm-*.whl")
-    return built
-
-
 def test_the_wheel_is_for_this_platform_and_any_python_and_has_the_kernel(wheel: Path) -> None:
     assert wheel.name.startswith("lrm_arm-")
     assert "-py3-none-" in wheel.name

@@ -36,6 +36,8 @@ from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_po
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-ros2)")
 dynamic = pytest.importorskip("mcap_ros2._dynamic", reason="mcap-ros2-support is not installed")
 
+pytestmark = pytest.mark.long
+
 HERE = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
 """For processes: the bridge of this checkout, installed or not."""
 HASHES = {  # as `ros2 topic info --verbose` prints it
@@ -284,24 +286,11 @@ def test_an_action_is_followed_cancelled_and_held_when_its_client_is_lost(tmp_pa
             assert states == {3: 6, 4: 4, 5: 5, 7: 6}
 
 
-def test_hold_and_estop_are_services_that_need_no_option(tmp_path: Path) -> None:
+def test_without_the_option_no_trajectory_is_listened_to_and_hold_and_estop_are_services_all_the_same(
+    tmp_path: Path,
+) -> None:
     setup, port = DaemonSetup.make(tmp_path, {**SLOW_BOARD}), free_port()
     empty = {"structure_needs_at_least_one_member": 0}
-    with running_daemon(setup), setup.rover() as rover, ros_router(port) as peer:
-        wait_for_link(rover)
-        with rover.control("test"), bridged(setup, port, tmp_path / "bridge.log"):
-            rover.arm("given", HOME)
-            rover.move({"joint1": 1.0}, speed=0.05, wait=False)
-            wait_for(lambda: rover.mode().mode == "moving", "it moves")
-            held = peer.call("hold", TRIGGER, empty)
-            assert (held.success, held.message) == (True, "the arm holds")
-            wait_for(lambda: rover.mode().mode == "holding", "it holds")
-            assert peer.call("estop", TRIGGER, empty).success
-            wait_for(lambda: rover.mode().mode == "estop", "the emergency stop")
-
-
-def test_without_the_option_no_trajectory_is_listened_to(tmp_path: Path) -> None:
-    setup, port = DaemonSetup.make(tmp_path, {**SLOW_BOARD}), free_port()
     with running_daemon(setup), setup.rover() as rover, ros_router(port) as peer:
         wait_for_link(rover)
         with rover.control("test"):
@@ -314,6 +303,14 @@ def test_without_the_option_no_trajectory_is_listened_to(tmp_path: Path) -> None
             peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, trajectory(point(1.0, a=0.1, b=0.0)))
             time.sleep(2.5)
             assert q1(rover) == pytest.approx(0.0, abs=1e-3)
+            with rover.control("test"):
+                rover.move({"joint1": 1.0}, speed=0.05, wait=False)
+                wait_for(lambda: rover.mode().mode == "moving", "it moves")
+                held = peer.call("hold", TRIGGER, empty)
+                assert (held.success, held.message) == (True, "the arm holds")
+                wait_for(lambda: rover.mode().mode == "holding", "it holds")
+                assert peer.call("estop", TRIGGER, empty).success
+                wait_for(lambda: rover.mode().mode == "estop", "the emergency stop")
 
 
 def test_the_hash_of_a_type_is_the_one_that_ros_publishes() -> None:

@@ -45,6 +45,7 @@ def test_a_goal_that_was_offered_before_others_that_were_refused(bridge: InProce
     stands(bridge)
 
 
+@pytest.mark.long
 def test_a_trajectory_of_the_topic_that_is_followed(bridge: InProcessBridge) -> None:
     bridge.send("topic", trajectory(FAR))
     end = time.monotonic() + PATIENCE_S

@@ -227,6 +227,7 @@ CLIENT_S = 1.0
 """The stated bound for a client that is lost."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_goal_ends_soon_after_its_client_is_frozen_or_killed(
     bridge: BridgeUnderTest, client: subprocess.Popen[bytes], how: signal.Signals

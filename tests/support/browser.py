@@ -49,14 +49,22 @@ class BrowserLog:
         return [one for one in self.addresses if not one.startswith((own, "data:", "blob:", "file:", "about:"))]
 
 
-@contextmanager
-def chromium() -> Iterator[Any]:
-    """A headless Chromium of the system; the test is skipped, and says so, where there is none."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+def browser_path() -> str:
+    """Where the system's Chromium is; the test is skipped, and says so, where there is none."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if path is None:
         pytest.skip("no Chromium on this machine: the tests of the page in a real browser are left out")
-    with sync_api.sync_playwright() as playwright:
+    return path
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """A headless Chromium of the system; the test is skipped, and says so, where there is none."""
+    path = browser_path()
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         try:
             yield browser
@@ -126,6 +134,17 @@ def press(page: Any, name: str) -> None:
     if not page.is_visible(button):
         page.click("#lrm-menu > summary")
     page.click(button)
+
+
+def shot(page: Any, name: str, *, full_page: bool = False) -> None:
+    """A picture for a person, or a PDF, in `out/workbench` where SCREENSHOTS is set, as `make browser` sets it."""
+    if "SCREENSHOTS" not in os.environ:
+        return
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    if name.endswith(".pdf"):
+        page.pdf(path=SHOTS / name)
+    else:
+        page.screenshot(path=SHOTS / name, full_page=full_page)
 
 
 def unfold(page: Any) -> None:

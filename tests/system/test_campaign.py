@@ -21,7 +21,7 @@ from tests.support.daemon.daemon_harness import arm_when_ready, connected, wait_
 from tests.support.daemon.daemon_process import SLOW_BOARD, BoardProcess, DaemonSetup, running_daemon, wait_for
 from tests.support.daemon.tracker_of_board import tracker_of
 
-POSES = 5
+POSES = 4
 START = (0.0, -60.0, 0.0, 0.0, 0.0, 0.0)
 HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
 
@@ -90,7 +90,7 @@ def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: P
         wait_for(lambda: rover.mode().holder is None and rover.mode().mode in ("holding", "armed"), "it holds")
         assert all(rover.joints().on[:6])
         with bench.data.open("ab") as file:  # what a crash of the computer may leave
-            file.write(b"4,12.5,1,0.0")
+            file.write(b"3,12.5,1,0.0")
         again = subprocess.run(bench.command(0.8), capture_output=True, text=True, timeout=120)
         assert again.returncode == 0, again.stdout + again.stderr
     found = bench.measured()
@@ -107,12 +107,12 @@ def test_an_arm_that_did_not_stand_during_its_rest_leaves_no_row(tmp_path: Path,
     daemon = running_daemon(bench.setup, "--start-deg", "0,-60,0,0,0,0")
     with daemon as (board, _), tracker_of(board, bench.port), bench.setup.rover() as rover:
         arm_at(rover, START)
-        command = bench.command(6.0)
+        command = bench.command(4.0)
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as campaign:
             wait_for(lambda: bench.rows() >= 1, "a row", 60.0)
             wait_for(lambda: rover.mode().mode == "moving", "the next pose")
             wait_for(lambda: rover.mode().mode == "armed", "the arm is there")
-            time.sleep(2.0)  # well into the pause of 6 s, on a busy computer too
+            time.sleep(1.5)  # well into the pause of 4 s, on a busy computer too
             if what == "stopped":
                 rover.estop("test")
             else:

@@ -11,15 +11,11 @@ from tests.soak.hostile.attacks import ALL, carry_out
 SHORT = (
     "link: garbled",
     "link: forged",
-    "link: mute both",
     "link: yanked",
     "link: hidden board",
     "link: old handshakes",
     "flood: malformed",
     "kills and stops",
-    "renewed jog",
-    "short moves",
-    "waiting client",
 )
 
 

@@ -14,6 +14,6 @@ from tests.soak.hostile.trial import trial
 @pytest.mark.parametrize("kind", ["deploy", "stuff", "starve"])
 def test_no_process_grows_by_much_and_none_is_kept_from_its_work(kind: str, tmp_path: Path) -> None:
     with trial(tmp_path) as t:
-        growth = grown(t, partial(flood, t, kind, 2, 4.0))
+        growth = grown(t, partial(flood, t, kind, 2, 2.0))
         assert not too_much(growth), growth
         assert t.result(kind).moves > 0, "and the laws of the pulses hold"

@@ -52,6 +52,7 @@ def test_fresh_poses_are_the_next_of_the_last_session() -> None:
     assert (plan.session[60:] == plan.session[59]).all()
 
 
+@pytest.mark.long
 def test_fresh_poses_lie_in_the_half_that_was_not_measured() -> None:
     q = recording_of(CATALOGUE["first/nothing"], 0, 60, HalfRange(3, -1)).whole.q_rad[:, 2]
     assert len(q) == 60 + FRESH

@@ -21,6 +21,7 @@ NAMES = st.sampled_from(["backlash@joint1", "drift@joint2", "coupling@joint3<-jo
 MOST_BYTES = 60_000
 
 
+@pytest.mark.long
 def test_the_data_are_made_again_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(make_data, "FOLDER", tmp_path)
     monkeypatch.setattr(make_data, "TRUTH", tmp_path / "truth.json")

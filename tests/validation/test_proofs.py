@@ -65,6 +65,7 @@ def test_a_cell_may_hold_what_a_table_needs_escaped() -> None:
     assert "| x\\|y | 1 |" in PAGES[0].text(result)
 
 
+@pytest.mark.long
 def test_every_test_that_holds_a_guarantee_is_there() -> None:
     for guarantee in guarantees():
         assert guarantee.tests
@@ -99,6 +100,7 @@ def test_a_line_of_the_history_has_the_ratios_to_peers_and_a_commit_has_one_a_da
     )
 
 
+@pytest.mark.long
 def test_the_history_is_kept_in_a_branch_of_its_own(tmp_path: Path) -> None:
     """The script that the weekly workflow and the site run, twice, against a remote of this machine."""
     remote, work = tmp_path / "remote.git", tmp_path / "work"

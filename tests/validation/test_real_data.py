@@ -44,6 +44,7 @@ def test_without_a_network_it_is_skipped_and_the_reason_printed(
     assert "skipped: no " in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_mirror_is_read_and_every_method_has_a_figure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -70,6 +71,8 @@ def test_a_mirror_is_read_and_every_method_has_a_figure(
     assert ours < 0.3
 
 
+@pytest.mark.long
+@pytest.mark.soak
 def test_placements_that_no_method_saw_are_predicted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -316,6 +316,7 @@ def test_poses_stay_in_limits_above_the_table(arm: ArmDescription) -> None:
     assert true_state(arm, GroundTruth.nominal(arm), q).tcp_m[:, 2].min() > 0.05
 
 
+@pytest.mark.long
 def test_noise_is_normal_with_the_given_spread(arm: ArmDescription) -> None:
     q = np.zeros((4000, 6))
     truth = GroundTruth.nominal(arm)

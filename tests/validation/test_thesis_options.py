@@ -23,6 +23,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.sweep import soak
 from validation import synthetic
 from validation.thesis.__main__ import main as thesis
 from validation.thesis.error_distribution import error_distribution
@@ -150,6 +151,7 @@ def test_parameters_of_one_load_serve_another_if_springs_are_linear(method: Opti
         assert crossed.error(1 - j, j).mean < 0.2 * error_stats(own.nominal).mean
 
 
+@pytest.mark.long
 def test_the_poses_are_the_exchange_searchs(lab: Arm, method: OptionStudy) -> None:
     empty = nominal_model(lab)
     J = identification_jacobian(solve_equilibrium(empty, method.data.poses), select_parameters(empty, "option3"))
@@ -203,7 +205,7 @@ def test_the_thesis_tables_hang_together(lab: Arm) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, *soak(1)])
 def test_real_poses_no_worse_than_the_authors_own_parameters(lab: Arm, real: Measurements, seed: int) -> None:
     found = run_options(lab, real, seed=seed)
     for name, mean_mm in PUBLISHED_WITH_THE_DATA_MM.items():

@@ -80,7 +80,8 @@ def _trackers_and_bases() -> dict[str, Case]:
     """Ten worlds with a distorted tracker, or a base that rocks between its feet."""
     zero = (0.0, 0.0, 0.0)
     frame, base = "measurement_frame@frame", "base_compliance@base"
-    long_z = hidden("report", "long-z", frame, lambda by: SkewTracker(zero, (0.0, 0.0, by.size(0.006)), zero))
+    along_one = f"depth_scale@frame {frame}"
+    long_z = hidden("report", "long-z", along_one, lambda by: SkewTracker(zero, (0.0, 0.0, by.size(0.006)), zero))
     wide = hidden(
         "report", "wide-xy", frame, lambda by: SkewTracker(zero, (by.size(0.008), -by.size(0.006), 0.0), zero)
     )
@@ -88,7 +89,7 @@ def _trackers_and_bases() -> dict[str, Case]:
         "report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0))
     )
     lens = hidden("report", "lens", frame, lambda by: effects.LensTracker(by.sign() * by.size(0.010)))
-    depth = hidden("report", "depth", frame, lambda by: effects.DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
+    depth = hidden("report", "depth", along_one, lambda by: effects.DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
     loose = hidden("report", "loose-base-y", base, lambda by: LooseBase(0, by.size(0.5 * DEG)))
     rocks_x = hidden(
         "report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05)

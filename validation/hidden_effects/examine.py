@@ -87,6 +87,7 @@ def diagnosed(case: Case, seed: int, poses: int, folder: Path, found: Found) -> 
         raise CommandFailed(f"verdict {said['verdict']}, but the ranking supports nothing")
     name = f"{first['effect']}@{first['place']}"
     found["steps"] = (tuple(dict.fromkeys([name, *first["indistinguishable_from"]])),)
+    found["findings"] = (said["verdict"] == "effect_missing" and not first["indistinguishable_from"],)
     run_tool("add", model, data, name, "-o", better, "--json", folder / "a.json")
     found["ratio"] = _held_out(better)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 from lrm_math.effects.reference import EffectRef
 from validation.hidden_effects.case import Case
@@ -17,15 +18,25 @@ ALWAYS_TRUE = ("offsets", "compliance")
 NEAR_FLOOR, NEAR_NOISE = 1.10, 1.15
 
 
+class Judgement(StrEnum):
+    """What an outcome is worth to somebody who believes it: see `Outcome.judgement`."""
+
+    RIGHT = "right"
+    HONEST = "honest"
+    FALSE = "false"
+    FAILED = "failed"
+
+
 @dataclass(frozen=True)
 class Outcome:
     """The tool's result on one data set.
 
     case: its key. steps: for each step its name (a form counts as the effect that it refines) and all that the data
-    cannot tell from it; of `diagnose` the first class of the ranking alone. findings: whether each step is said to be
-    a cause; the others only describe. ratio: RMS error over the noise, held out or at unseen poses. seconds: of the
-    command. right: names that are right by the seed; None: the case's. z: (estimate − truth) / standard error of the
-    hidden parameters that were fitted. trouble: what failed, with the last line that the tool printed.
+    cannot tell from it; of `diagnose` the first class of the ranking alone. findings: whether each step is said to
+    be a cause; the others only describe, or have rivals (of `diagnose`). ratio: RMS error over the noise, held out
+    or at unseen poses. seconds: of the command. right: names that are right by the seed; None: the case's. z:
+    (estimate − truth) / standard error of the hidden parameters that were fitted. trouble: what failed, with the
+    last line that the tool printed.
     """
 
     case: str
@@ -135,6 +146,26 @@ class Outcome:
             return bool(set(new[0]) & self._right)
         content = self.verdict == NOTHING_MISSING and self.near_noise
         return content or self.verdict in self.of.verdicts
+
+    @property
+    def judgement(self) -> Judgement:
+        """False: a cause is identified that is none, or nothing is said to be missing above the noise. Right: every
+        hidden cause is named, or rightly none. Honest: what is between."""
+        if self.trouble:
+            return Judgement.FAILED
+        if self.false_findings or self.falsely_content:
+            return Judgement.FALSE
+        if self.hidden is None:
+            return Judgement.HONEST
+        right = self.first_right if self.right else self.all_named
+        return Judgement.RIGHT if (right if self.hidden else self.verdict == NOTHING_MISSING) else Judgement.HONEST
+
+    @property
+    def hidden(self) -> bool | None:
+        """Whether an effect is hidden that has a name; None: one that no name fits."""
+        if self.right or self.of.truths:
+            return True
+        return None if self.of.truths is None or (self.of.spoil and "healthy" not in self.of.name) else False
 
     @property
     def _right(self) -> set[str]:

@@ -17,8 +17,8 @@ from pathlib import Path
 DATA = Path(__file__).with_name("data")
 EFFECTS = (
     "anchor", "axial_play", "backlash", "base_compliance", "cable_spring", "change_point", "common_gain", "coupling",
-    "creep", "drift", "eccentricity", "gear_ripple", "gravity", "hysteresis", "lateral_compliance", "mass",
-    "measurement_frame", "nonlinear_stiffness", "payload", "quantisation", "self_heating", "servo_droop",
+    "creep", "depth_scale", "drift", "eccentricity", "gear_ripple", "gravity", "hysteresis", "lateral_compliance",
+    "mass", "measurement_frame", "nonlinear_stiffness", "payload", "quantisation", "self_heating", "servo_droop",
     "servo_gain", "session", "slip",
 )  # fmt: skip
 """Kinds of effects; places are joint1 to joint6, link1 to link6, base, tool, frame, servos, arm and distance."""

@@ -21,7 +21,7 @@ from validation.synthetic.screws import Array
 JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
 STEP_S, LOADS_EVERY = 0.001, 10
 STUCK_RAD_PER_S = 0.002
-STIFF_NM_PER_RAD = 40000.0
+STIFF_NM_PER_RAD = 400000.0
 """Of a joint that hardly notices gravity and the others: what is not hidden is not there."""
 UNLIMITED = 1e9
 
@@ -118,13 +118,16 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
     J0 = np.where(linked, K / omega**2, J0)
     A = np.where(linked, J0 - middle, J0 - middle)
     D = 2.0 * p["damping"] * omega * J0
-    late = np.round(p["dead_time"] / h).astype(int)
+    late, part = np.divmod(p["dead_time"] / h, 1.0)
+    late = late.astype(int)
     history = np.repeat(told, ticks, axis=1)
     c, j = np.arange(C)[:, None], np.arange(JOINTS)
     q, v = told[:, 0].copy(), np.zeros((C, JOINTS))
     u, du, profile = told[:, 0].copy(), np.zeros((C, JOINTS)), np.zeros((C, JOINTS))
     y, w, integral = q.copy(), np.zeros((C, JOINTS)), np.zeros((C, JOINTS))
-    shown = q.copy()
+    shown, mean = q.copy(), u
+    limited = p["acceleration"] < UNLIMITED
+    led = limited | (p["speed"] < UNLIMITED)
     second = 2.0 * np.pi * p["second_hz"]
     sprung = second > 0.0
     mass2 = SECOND_MASS * J0
@@ -136,15 +139,24 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
             g, M = _loads(q)
             J = M + A[:, :, None] * np.eye(JOINTS)
             inverse, braked = np.linalg.inv(J), 0.5 * h * D / np.diagonal(J, axis1=1, axis2=2)
-        goal = history[c, np.maximum(k - late, 0), j]
+        goal = (1.0 - part) * history[c, np.maximum(k - late, 0), j] + part * history[c, np.maximum(k - late - 1, 0), j]
         ahead = goal - u
-        wanted = np.sign(ahead) * np.minimum(np.sqrt(2.0 * p["acceleration"] * np.abs(ahead)), np.abs(ahead) / h)
+        half = 0.5 * p["acceleration"] * h
+        braked_in_time = np.sqrt(
+            np.maximum(half**2 + 4.0 * half * (np.abs(ahead) / h - 0.5 * np.sign(ahead) * profile), 0.0)
+        )
+        wanted = np.sign(ahead) * np.where(limited, braked_in_time - half, np.abs(ahead) / h)
         wanted = np.clip(wanted, -p["speed"], p["speed"])
-        profile = profile + np.clip(wanted - profile, -p["acceleration"] * h, p["acceleration"] * h)
-        before, u = u, u + h * profile
+        faster = profile + np.clip(wanted - profile, -2.0 * half, 2.0 * half)
+        before, u = u, u + h * np.where(limited, 0.5 * (profile + faster), faster)
+        profile = faster
         du = (u - before) / h
         slow = 1.0 + p["slowing"] * (1.0 - np.exp(-(begun + k * h) / SLOWING_S))
-        error = 0.5 * (before + u) + p["lead"] * du - q
+        earlier, mean = (
+            mean,
+            np.where(led, 0.5 * (before + u), u),
+        )  # over the step; a leapfrog's force is at its beginning
+        error = 0.5 * (earlier + mean) + p["lead"] * du - q
         integral = integral + h * error / p["integral_s"]
         torque = K / slow * np.clip(error + integral, -p["drive"], p["drive"]) + g
         torque = torque + K * p["cogging"] * np.sin(COGS * q) - K * p["drag"] * v * np.abs(v)

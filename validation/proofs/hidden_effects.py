@@ -1,44 +1,61 @@
 """`python -m validation.proofs.hidden_effects`: effects hidden by the independent generator, and what is named.
 
-A data set counts as *right* if a truth is in the first class (or the verdict is the right one), as *alone* if that
-class has no other member, as *wrong* if one name alone is stated and it is not the truth.
+Every catalogue but those that thresholds were set by; a line for each and for what was hidden in it.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from lrm_ident.fitting.executors import executor_for
 from validation.hidden_effects.__main__ import run
-from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.outcome import Outcome
-from validation.hidden_effects.tables import KINDS
+from validation.hidden_effects.case import (
+    BLIND,
+    FAULTS_BLIND_REPORT,
+    FAULTS_REPORT,
+    FRESH,
+    MEMORY_BLIND,
+    NAMED,
+    REPORT,
+    UNFORESEEN,
+)
+from validation.hidden_effects.catalogue import PARTS
+from validation.hidden_effects.outcome import Judgement, Outcome
 from validation.options import asked
 from validation.proofs.result_file import FOLDER, computed, write
 
 NAME = "hidden-effects.json"
-COLUMNS = ("what was hidden", "data sets", "right", "alone", "wrong", "remaining error over noise, median", "worst")
+JUDGEMENTS = (Judgement.RIGHT, Judgement.HONEST, Judgement.FALSE, Judgement.FAILED)
+REMAINING = ("remaining error over noise, median", "worst")
+COLUMNS = ("catalogue", "hidden", "data sets", *JUDGEMENTS, *REMAINING)
+CATALOGUES = {
+    "effects as the tool models them (`diagnose`)": (NAMED,),
+    "other forms, arms and awkward data": (REPORT,),
+    "what goes wrong in a measurement": (FAULTS_REPORT, FAULTS_BLIND_REPORT),
+    "creep, warming and slip": (MEMORY_BLIND,),
+    "causes thought of by others": (UNFORESEEN, BLIND, FRESH),
+}
+HIDDEN = {"known effects": True, "nothing": False, "no known effect fits": None}
 
 
 def rows(outcomes: Sequence[Outcome]) -> list[tuple[object, ...]]:
-    """A line for each kind of case, and one for all."""
-    groups = {name: [one for one in outcomes if one.case in cases] for name, cases in KINDS.items()}
-    return [_row(name, found) for name, found in (*groups.items(), ("all", list(outcomes))) if found]
+    """A line for each catalogue and what was hidden, and one for all."""
+    groups = {
+        (catalogue, words): [one for one in outcomes if one.of.part in parts and one.hidden is hidden]
+        for catalogue, parts in CATALOGUES.items()
+        for words, hidden in HIDDEN.items()
+    }
+    return [(*names, *_row(found)) for names, found in (*groups.items(), (("all", ""), list(outcomes))) if found]
 
 
-def _row(name: str, found: Sequence[Outcome]) -> tuple[object, ...]:
+def _row(found: Sequence[Outcome]) -> tuple[object, ...]:
+    judged = Counter(one.judgement for one in found)
     ratios = [one.ratio for one in found if one.ratio is not None]
-    return (
-        name,
-        len(found),
-        sum(one.hit for one in found),
-        sum(one.hit and len(one.first_class) <= 1 for one in found),
-        sum(not one.hit and len(one.first_class) == 1 for one in found),
-        round(float(np.median(ratios)), 2) if ratios else None,
-        round(max(ratios), 2) if ratios else None,
-    )
+    left = (round(float(np.median(ratios)), 2), round(max(ratios), 2)) if ratios else (None, None)
+    return len(found), *(judged[one] for one in JUDGEMENTS), *left
 
 
 def main() -> None:
@@ -51,7 +68,8 @@ def main() -> None:
         jobs=(1, "processes side by side"),
         out=FOLDER / NAME,
     )
-    tasks = [(name, seed, "") for name in list(CASES)[:: options.every] for seed in range(options.seeds)]
+    keys = [key for parts in CATALOGUES.values() for part in parts for key in PARTS[part]][:: options.every]
+    tasks = [(key, seed, "") for key in keys for seed in range(options.seeds)]
     with executor_for(None, most=options.jobs) as pool:
         outcomes = run(tasks, options.poses, pool)
     write(options.out, computed(COLUMNS, rows(outcomes)))

@@ -33,9 +33,7 @@ def computed(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> ProofR
     """A result of the command that runs now."""
     words = Path(sys.modules["__main__"].__spec__.name if sys.modules["__main__"].__spec__ else sys.argv[0]).name
     command = " ".join(["python -m", words.removesuffix(".__main__"), *map(_without_folders, sys.argv[1:])])
-    return ProofResult(
-        tuple(columns), tuple(map(tuple, rows)), command, time.strftime("%Y-%m-%d"), _commit(), _machine()
-    )
+    return ProofResult(tuple(columns), tuple(map(tuple, rows)), command, time.strftime("%Y-%m-%d"), COMMIT, _machine())
 
 
 def write(path: Path, result: ProofResult) -> None:
@@ -61,6 +59,10 @@ def _commit() -> str:
         return subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
+
+
+COMMIT = _commit()
+"""Asked as the program starts: an hour later the tree may be another."""
 
 
 def _machine() -> str:

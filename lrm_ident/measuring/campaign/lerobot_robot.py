@@ -11,6 +11,7 @@ from typing import Any
 
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.lerobot_late_replies import drop_late_replies
 from lrm_math.arm.lerobot_registers import settings_of
 from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.errors import LrmError, UnknownName
@@ -140,6 +141,7 @@ class LeRobotServos:
 def connected_robot(text: str) -> Iterator[Any]:
     """The robot, connected; it holds where it is left. Raises `LrmError`: no answer, not calibrated."""
     robot = robot_of(text)
+    drop_late_replies(robot)
     for left in reversed(range(CONNECTS)):
         try:
             robot.connect(calibrate=False)

@@ -20,7 +20,7 @@ from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
-from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand
+from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand, of_a_measurement
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -352,7 +352,9 @@ class DaemonSolver:
             method="direct",
             deadline_ms=DEADLINE_MS,
         )
-        answer = when_started(lambda: self.rover.ik(request)).answers[0]
+        reply = when_started(lambda: self.rover.ik(request))
+        answer = reply.answers[0]
         if answer.rounded_q_rad is None:
             return f"{answer.verdict}: {answer.text}"
-        return GoalCommand(tuple(answer.rounded_q_rad), answer.rounded_error_m or 0.0, answer.sd_m)
+        sd = of_a_measurement(answer.sd_m, reply.residual_m)
+        return GoalCommand(tuple(answer.rounded_q_rad), answer.rounded_error_m or 0.0, sd)

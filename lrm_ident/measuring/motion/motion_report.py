@@ -41,7 +41,7 @@ def _number(error: float, moves: Moves) -> str:
 
 def motion_document(study: MotionStudy, title: str) -> Document:
     """Result of `motion fit` and `add`: errors of every joint and parameters; schema `lrm/motion-fit/1`."""
-    errors, parameters = _errors(study, title), _parameters(study)
+    errors, parameters = _errors(study, title), parameter_table(study)
     values = {**_values(study), "joints": errors.records(), "parameters": parameters.records()}
     return Document([errors, parameters], "lrm/motion-fit/1", values)
 
@@ -249,7 +249,8 @@ def _errors(study: MotionStudy, title: str) -> ResultTable:
     return ResultTable(columns, rows, title)
 
 
-def _parameters(study: MotionStudy) -> ResultTable:
+def parameter_table(study: MotionStudy) -> ResultTable:
+    """Estimates of all effects in people's units, with standard errors."""
     rows = [
         (plain_name(effect.name), p.meaning, _in_unit(p.unit, study.model.values[key], study.model.sigma[key]))
         for effect in study.model.effects

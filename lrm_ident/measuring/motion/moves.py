@@ -1,7 +1,8 @@
 """Moves of a recording: pieces of its episodes, each predicted from its beginning and its commands alone.
 
-A move begins half a second before its readings count: what the joint did before, friction's side and a swing, is then
-in the model's state, too. Moves are cut where the arm is slowest.
+A move begins half a second or more before its readings count: what the joint did before, friction's side and a swing,
+is then in the model's state, too. Moves are cut where the arm is slowest, and begin where it is: how far its set-point
+is ahead of a joint in quick motion, no reading shows.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from lrm_math.motion.effects import RestOffset
 from lrm_math.motion.loads import JointLoads, joint_loads, reference_inertia
 from lrm_math.motion.motion_model import MotionModel
 
-LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 3.0, 6.0
+LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 1.5, 3.0, 6.0
 STEP_S = 0.0085
 """Longest step of the simulation: an eighth of the period of the fastest servo that the catalogue allows."""
 FOLDS = 5
@@ -188,15 +189,15 @@ def cut(
 
     `episodes`: how unfit for a cut each frame of an episode is, and its number. Raises `FileError`: too few moves.
     """
-    pieces = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
+    found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
+    pieces, leads = [piece for piece, _ in found], [lead for _, lead in found]
     if len(pieces) < LEAST_MOVES:
         what = f"{len(pieces)} moves of {SHORTEST_S:g} to {LONGEST_S:g} s"
         raise FileError(path, "", what, f"{LEAST_MOVES} at least: about a minute of motion")
     T = max(len(piece) for piece in pieces)
     rows = np.array([np.pad(piece, (0, T - len(piece)), mode="edge") for piece in pieces])
-    length = np.array([len(piece) for piece in pieces])
-    k = np.arange(T)
-    return rows, (k >= round(LEAD_S / dt)) & (k < length[:, None])
+    k, length = np.arange(T), np.array([len(piece) for piece in pieces])
+    return rows, (k >= np.array(leads)[:, None]) & (k < length[:, None])
 
 
 def _frame_distance(frames: LeRobotFrames, path: Path) -> float:
@@ -216,16 +217,20 @@ def _episodes(frames: LeRobotFrames) -> list[NDArray[np.int64]]:
     return np.split(np.arange(len(frames.t)), np.flatnonzero(np.diff(frames.episode)) + 1)
 
 
-def _pieces(speed: Array, rows: NDArray[np.int64], dt: float) -> list[NDArray[np.int64]]:
-    """Frames of each move of an episode, its lead included."""
-    lead, shortest, longest = (round(seconds / dt) for seconds in (LEAD_S, SHORTEST_S, LONGEST_S))
+def _pieces(unfit: Array, rows: NDArray[np.int64], dt: float) -> list[tuple[NDArray[np.int64], int]]:
+    """Frames of each move of an episode, its lead included, and the frames of the lead."""
+    lead, longest_lead, shortest, longest = (
+        round(seconds / dt) for seconds in (LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S)
+    )
     out, begin = [], lead
     while len(rows) - begin >= shortest:
         rest = len(rows) - begin
-        cut = rest if rest <= longest else shortest + int(np.argmin(speed[begin + shortest : begin + longest]))
+        cut = rest if rest <= longest else shortest + int(np.argmin(unfit[begin + shortest : begin + longest]))
         if rest - cut < shortest and rest <= shortest + longest and rest > longest:
             cut = rest // 2
-        out.append(rows[begin - lead : begin + cut])
+        earlier = unfit[max(begin - longest_lead, 0) : begin - lead + 1]
+        own = lead + int(np.argmin(earlier[::-1]))
+        out.append((rows[begin - own : begin + cut], own))
         begin += cut
     return out
 

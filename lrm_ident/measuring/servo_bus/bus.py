@@ -76,14 +76,18 @@ class ServoHost:
         parameters = self.kind.packet.words(register.address, register.length) + bytes(numbers)
         question = self.kind.packet(BROADCAST, Instruction.SYNC_READ, parameters)
         answers = self._heard(question, numbers, ANSWER_S)
-        return {number: register.decoded(answers[number].data[: register.length]) for number in numbers}
+        return {number: register.decoded(_of_length(answers[number], register.length)) for number in numbers}
 
     def write(self, number: int, register: Register, value: int) -> None:
-        """Writes a register, and waits until the servo says so. Raises `NoAnswer`; `LrmError`: it refuses."""
+        """Writes a register, and waits until the servo says so. Raises `NoAnswer`; `LrmError`: it refuses.
+
+        An answer with data is none to a write: it is a late one to a question before.
+        """
         parameters = self.kind.packet.words(register.address) + register.encoded(value)
         answer = self._transfer(number, Instruction.WRITE, parameters)
         if answer.refused:
             raise LrmError(f"servo {number} refuses {value} at address {register.address}: {answer.refused}")
+        _of_length(answer, 0)
 
     def write_with_retries(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and again where no answer came. Raises as `write` does."""
@@ -114,10 +118,7 @@ class ServoHost:
         return True
 
     def _read(self, number: int, address: int, length: int) -> bytes:
-        data = self._transfer(number, Instruction.READ, self.kind.packet.words(address, length)).data
-        if len(data) != length:
-            raise GarbledAnswer(f"servo {number} answers {len(data)} bytes in place of {length}")
-        return data
+        return _of_length(self._transfer(number, Instruction.READ, self.kind.packet.words(address, length)), length)
 
     def _transfer(self, number: int, what: Instruction, parameters: bytes, patience: float = ANSWER_S) -> Answer:
         """The answer of one servo within a time (s). Raises `NoAnswer`."""
@@ -152,6 +153,13 @@ def _line_is_there() -> Iterator[None]:
         raise
     except OSError as error:
         raise NoAnswer(f"the serial line is gone ({' '.join(str(error).split())})") from None
+
+
+def _of_length(answer: Answer, length: int) -> bytes:
+    """The data of an answer. Raises `GarbledAnswer`: another number of bytes, so it answers another question."""
+    if len(answer.data) != length:
+        raise GarbledAnswer(f"servo {answer.id} answers {len(answer.data)} bytes in place of {length}")
+    return answer.data
 
 
 def _with_retries(request: Callable[[], Said]) -> Said:

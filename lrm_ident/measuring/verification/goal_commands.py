@@ -17,7 +17,8 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import Goal
 from lrm_math.model.model import model_of
-from lrm_math.model.model_file import FIT_AGAIN, load_covariance, load_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, load_covariance, load_model
+from lrm_math.toml_file import read_toml
 
 NOMINAL = "nominal"
 
@@ -26,7 +27,8 @@ NOMINAL = "nominal"
 class GoalCommand:
     """A command (n,), rad, in whole counts. `rounding`: error that the model predicts from rounding to them (m).
 
-    `sd`: standard deviation of the model's prediction (m), None without a covariance.
+    `sd`: standard deviation of a new measurement about the model's prediction (m), None without a covariance: of the
+    prediction itself, and what the model left at the poses of its fit (Draper & Smith 1998, section 1.4).
     """
 
     q: tuple[float, ...]
@@ -48,12 +50,16 @@ class GoalSolver(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ModelSolver:
-    """See `GoalSolver`: with a model of its own. `rounded`: the nearest angles that the servos take."""
+    """See `GoalSolver`: with a model of its own. `rounded`: the nearest angles that the servos take.
+
+    `residual`: RMS error that the model left at the poses of its fit (m).
+    """
 
     solver: CalibratedSolver
     rounded: Callable[[Sequence[float]], tuple[float, ...]]
     model: str = NOMINAL
     model_sha256: str = ""
+    residual: float = 0.0
 
     @classmethod
     def of(cls, path: Path | None, arm: Arm, rounded: Callable[[Sequence[float]], tuple[float, ...]]) -> ModelSolver:
@@ -67,7 +73,8 @@ class ModelSolver:
             raise FileError(path, "arm", f"a model of another {arm.name}: {WHAT_COUNTS} differ", FIT_AGAIN)
         left_out = sorted({effect.id for effect in model.effects if not compensable(effect)})
         solver = CalibratedSolver.of(model, left_out=left_out, covariance=load_covariance(path))
-        return cls(solver, rounded, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+        residual = read_toml(path, ModelFile).residual
+        return cls(solver, rounded, str(path), hashlib.sha256(path.read_bytes()).hexdigest(), residual)
 
     def solve(self, goal: Goal, near: Sequence[float], payload: float) -> GoalCommand | str:
         """See `GoalSolver`."""
@@ -79,4 +86,9 @@ class ModelSolver:
             rounding = math.dist(self.solver.forward(q, payload, near).tcp, reply.tcp)
         except LrmError as error:
             return str(error)
-        return GoalCommand(q, rounding, reply.sd)
+        return GoalCommand(q, rounding, of_a_measurement(reply.sd, self.residual))
+
+
+def of_a_measurement(sd: float | None, residual: float) -> float | None:
+    """Standard deviation (m) of a measurement about a prediction: of this, and what the model left."""
+    return None if sd is None else math.hypot(sd, residual)

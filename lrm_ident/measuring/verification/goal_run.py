@@ -25,9 +25,9 @@ class AttainedPosition:
     """Position that the tip attained where it was sent to a goal, m (ISO 9283: attained and command position).
 
     `place`: what is there, in words, or empty. `goal`, `tip`: (3,). `rounding`: error that the model predicts from
-    rounding to counts. `sd`: standard deviation of the model's prediction, None without a covariance. `spread`: of the
-    rest's mean, per axis. `turn`: angle between the tool and the orientation of the goal (rad); None where the goal has
-    none, or the tracker did not see the tool's.
+    rounding to counts. `sd`: standard deviation of a measurement about the prediction, None without a covariance.
+    `spread`: of the rest's mean, per axis. `turn`: angle between the tool and the orientation of the goal (rad); None
+    where the goal has none, or the tracker did not see the tool's.
     """
 
     number: int
@@ -63,7 +63,7 @@ class Verification:
 
     @property
     def predicted(self) -> float | None:
-        """RMS of the error that the model itself expects: rounding and its own uncertainty; None without covariance."""
+        """RMS of the error that is expected: rounding, and `sd`; None without a covariance."""
         known = [(one.rounding, one.sd) for one in self.attained if one.sd is not None]
         return float(np.sqrt(np.mean(np.square(known).sum(axis=1)))) if known else None
 

@@ -22,7 +22,7 @@ from lrm_ident.report.document import Block, CommandLine, Facts, heading, sectio
 from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
-from lrm_ident.residual.scale_uncertainty import scale_uncertainty
+from lrm_ident.residual.scale_uncertainty import scale_sentence
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, Effect, variants
@@ -181,8 +181,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
-    scale = scale_uncertainty(fit)
-    yield "tracker's scale", "" if scale is None else scale.sentence
+    yield "tracker's scale", scale_sentence(fit)
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)

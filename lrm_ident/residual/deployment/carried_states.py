@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import joints_of_order
+from lrm_ident.residual.thresholds import Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.errors import LrmError
@@ -33,7 +35,8 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
     """The fit, with the state that each session effect carries forward chosen: the mean, or of a law the end.
 
     The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
-    end where that predicts better than its mean. Free curves, poses without an order or whose order follows a joint,
+    end where that predicts better than its mean; what remembers, whose state fades, only where it does so
+    significantly. Free curves, poses without an order or whose order follows a joint,
     and few poses are deployed with the mean: an end of the order that is the end of a joint's range tells nothing of
     what follows. The drift of a joint follows the time since power-on, where that is known later: see `_following`.
     """
@@ -68,10 +71,12 @@ def _predicting_better(
     try:
         earlier = fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
+        fading = {effect.name for effect in fitted.model.effects if effect.remembers}
         for name in means:
             other: dict[str, CarriedState] = chosen | {name: "last"}
             squares = _squares(earlier, after, other)
-            if squares.mean() < least.mean():
+            falls = squares.mean() < least.mean()
+            if falls and (name not in fading or paired_z(squares, least) > Z_THRESHOLD):
                 chosen, least = other, squares
     except LrmError:
         return {}

@@ -12,6 +12,7 @@ from lrm_ident.fitting.identifiability import MAX_VARIANCE_INFLATION
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.thresholds import Z_THRESHOLD
+from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, variants
 from lrm_math.effects.base import Extrapolation
@@ -34,14 +35,20 @@ def with_reverting_terms(fitted: Fit, data: Measurements) -> Fit:
     A term's size is followed over the angle of each joint, as a line (varying coefficients: Hastie & Tibshirani 1993).
     Where that line, within two standard errors, falls below half at a limit of the joint beyond the measured range,
     leaving the term out errs less there. What else acts on the joints is then fitted without it. A form of an effect
-    that the model has refines that, and holds as far. Where the fit without the term fails, there is no model to go
-    back to, and the term holds as far as `Extrapolation.HELD` says.
+    that the model has refines that, and holds as far; but of a periodic law it shows that the formula is wrong, whose
+    period was then measured wrongly, too, and both end with the range of their joint. Where the fit without the term
+    fails, there is no model to go back to, and the term holds as far as `Extrapolation.HELD` says.
     """
     model, present = fitted.model, {effect.name for effect in fitted.model.effects}
-    terms = [one for one in model.effects if _is_empirical(one) and present.isdisjoint(variants(one))]
-    if model.within is None or not terms:
+    if model.within is None:
         return fitted
-    found = {term.name: ends for term in terms if np.isfinite(ends := _ends(fitted, term)).any()}
+    terms = [one for one in model.effects if _is_empirical(one)]
+    ends_of_terms = {one.name: _ends(fitted, one) for one in terms if present.isdisjoint(variants(one))}
+    for form in terms:
+        for law in model.effects:
+            if law.name in variants(form) and law.extrapolation is Extrapolation.PERIODIC:
+                ends_of_terms |= dict.fromkeys((law.name, form.name), _measured(fitted, joint_number(law.place)))
+    found = {name: ends for name, ends in ends_of_terms.items() if np.isfinite(ends).any()}
     if not found:
         return fitted
     try:
@@ -59,6 +66,20 @@ def _is_empirical(effect: Effect) -> bool:
     """Whether it is a free form that acts on the arm."""
     free = effect.is_free_form and effect.extrapolation is Extrapolation.HELD
     return free and not of_a_session(effect) and kind_of(effect) in (Kind.MOTION, Kind.LOAD)
+
+
+def _measured(fitted: Fit, joint: int) -> Array:
+    """(n, 2), the ends of the measured range of one joint (rad) that its limits are beyond, else infinite."""
+    model = fitted.model
+    ends = np.tile((-np.inf, np.inf), (model.arm.dof, 1))
+    assert model.within is not None
+    limits, measured = model.arm.joints[joint], model.within.angle[joint]
+    slack = SLACK * (measured[1] - measured[0])
+    if limits.lower < measured[0] - slack:
+        ends[joint, 0] = measured[0]
+    if limits.upper > measured[1] + slack:
+        ends[joint, 1] = measured[1]
+    return ends
 
 
 def _ends(fitted: Fit, term: Effect) -> Array:

@@ -13,13 +13,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
 from lrm_ident.design.advice import next_poses as designed
-from lrm_ident.design.candidate_poses import (
-    USUAL_LEVELS,
-    ClearanceRules,
-    clear_poses,
-    floor_above_table,
-    parse_levels,
-)
+from lrm_ident.design.candidate_poses import ClearanceRules, clear_poses, floor_above_table
 from lrm_ident.design.discrimination import UnsuitableRival
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign
 from lrm_ident.fitting.progress import Progress
@@ -74,12 +68,12 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
     ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
-    offers = [partial(_offer, arm, levels, loads_g) for levels in USUAL_LEVELS]
-    best: tuple[tuple[str, ...], DesignProblem, CandidateSet, PoseDesign] | None = None
+    offer = _offer(arm, loads_g)
+    best: tuple[tuple[str, ...], DesignProblem, PoseDesign] | None = None
     for names in rival_pairs(ranking):
         task = replace(problem, rivals=tuple(e for name in names for e in effects_at(arm, name, study.catalogue)))
         try:
-            offer, chosen = designed(task, offers, ticked)
+            chosen = designed(task, offer, ticked)
         except UnsuitableRival as error:
             refused.append(f"{plain_name(error.name)} {error.why}")
             continue
@@ -87,12 +81,12 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
             refused.append(str(error))
             continue
         if best is None or chosen.told:
-            best = names, task, offer, chosen
+            best = names, task, chosen
         if chosen.told:
             break
     if best is None:
         raise LrmError("; ".join(dict.fromkeys(refused)))
-    names, task, offer, chosen = best
+    names, task, chosen = best
     document = design_document(task, offer, chosen)
     arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
     arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
@@ -101,10 +95,10 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)
 
 
-def _offer(arm: Arm, levels: str, loads_g: Sequence[float]) -> CandidateSet:
+def _offer(arm: Arm, loads_g: Sequence[float]) -> CandidateSet:
     """Poses to choose from. Raises `LrmError` if none keeps the rules."""
     payloads, rules = [load * GRAM for load in loads_g], ClearanceRules(floor=floor_above_table(arm))
-    return clear_poses(arm, parse_levels(arm, levels), payloads, rules, SEED)
+    return clear_poses(arm, (), payloads, rules, SEED)
 
 
 def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:

@@ -18,6 +18,8 @@ from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.motion_models import motion_text, swinging
 
+pytestmark = pytest.mark.long
+
 TEXT = motion_text(swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05)))
 OTHER = motion_text(swinging(joint2=(5.0, 0.05)))
 SWING = '"swing.joint1.frequency_Hz" = 3.0'

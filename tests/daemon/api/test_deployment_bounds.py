@@ -16,6 +16,8 @@ from lrmd.persistence.deployed_models import DeployedVersions
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.daemon.in_memory_daemon import CONFIG
 
+pytestmark = pytest.mark.long
+
 LINK = """\
 schema = "lrm/model/1"
 arm = "lrm-rover"

@@ -22,6 +22,7 @@ from lrmd.messages.kinematics import IkReply, IkRequest
 from lrmd.messages.surroundings import MOST_HEIGHTS, MOST_OBSTACLES
 from lrmd.messages.zenoh_session import LARGEST_MESSAGE
 from tests.support.message_schemas import every_message
+from tests.support.sweep import soak
 
 KINDS = {name: kind for name, kind in every_message().items() if issubclass(kind, Message)}
 REQUESTS = {name: kind for name, kind in KINDS.items() if not issubclass(kind, Header | ErrorReply | IkReply)}
@@ -127,7 +128,12 @@ def hostile(kind: type[Message]) -> dict[str, bytes]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", KINDS)
+LARGE_REPLIES = ("IkReply", "PlanReply", "Event", "ErrorReply")
+"""Bounded as `FkReply` is, which takes most of them."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [*(name for name in KINDS if name not in LARGE_REPLIES), *soak(*LARGE_REPLIES)])
 def test_no_bytes_of_a_kind_take_much_memory(name: str) -> None:
     """Measured by Python itself: a message of the daemon may hold a quarter of a million parts, a request far fewer."""
     kind = KINDS[name]
@@ -211,6 +217,7 @@ def extent(content: Any) -> MessageBounds:
     )  # fmt: skip
 
 
+@pytest.mark.long
 @given(content=CONTENT)
 def test_the_walk_over_the_bytes_finds_what_is_there(content: Any) -> None:
     """Bounds that a content just keeps are kept, and each of them by one less is not."""

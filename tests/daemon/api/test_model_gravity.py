@@ -15,6 +15,8 @@ from lrmd.safety.collision_guard import CollisionGuard
 from tests.conftest import TABLE_B2
 from tests.support.daemon.in_memory_daemon import CONFIG
 
+pytestmark = pytest.mark.long
+
 DOWN = (math.sin(0.2), 0.0, -math.cos(0.2))
 
 

@@ -26,6 +26,8 @@ from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG
 
+pytestmark = pytest.mark.long
+
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 EFFECTS = MODEL[MODEL.index("effects = [") : MODEL.index("]", MODEL.index("effects = [")) + 1]
 
@@ -108,6 +110,7 @@ def test_whatever_stops_a_deployment_its_file_is_gone(
     for error in (KeyboardInterrupt, MemoryError, RecursionError, SystemExit, ZeroDivisionError, LrmError):
         for owner, step in (model_reload, "check_in_trial"), (model_reload, "load_checked"), (DeployedVersions, "save"):
             with monkeypatch.context() as broken:
+                broken.setattr(model_reload, "check_in_trial", mock.Mock())  # half a second for each process
                 broken.setattr(owner, step, mock.Mock(side_effect=error("no")))
                 with pytest.raises(error):
                     active.deploy(MODEL)

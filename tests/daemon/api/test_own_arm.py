@@ -23,6 +23,8 @@ from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG
 
+pytestmark = pytest.mark.long
+
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 ARM = (ROOT / "config" / "arms" / "lrm-rover.toml").read_text(encoding="utf-8")
 PROVENANCE = """

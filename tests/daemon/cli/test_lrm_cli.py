@@ -96,6 +96,7 @@ def refuses(typed: Typed) -> Callable[..., str]:
 # ---- angles
 
 
+@pytest.mark.long
 @given(value=st.floats(-1000, 1000), unit=st.sampled_from(["", "deg", "°", " deg", "DEG"]), pad=st.sampled_from("  "))
 def test_degrees_are_understood_with_and_without_their_name(value: float, unit: str, pad: str) -> None:
     assert parse_angle(f"{pad}{value!r}{unit}{pad}") == math.radians(value)
@@ -504,6 +505,7 @@ def test_the_examples_of_the_help_text_are_commands() -> None:
         app.parser().parse_args(words[1:])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("program", ["lrm", "lrmd", "lrmd-board", "lrm-ros2"])
 def test_help_fits_eighty_columns(program: str) -> None:
     entry = next(iter(entry_points(group="console_scripts", name=program)))

@@ -120,6 +120,7 @@ def test_pulses_that_end_in_motion_leave_none_either(config: Config, end: str) -
     assert on(sim) == 0
 
 
+@pytest.mark.long
 @given(at=st.integers(0, 12), held=st.booleans())
 def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> None:
     """Known only if no step was made, or the motion had ended before."""

@@ -254,6 +254,7 @@ def keep_hot(sim: HeatingDaemon, seconds: float) -> Iterator[None]:
         yield
 
 
+@pytest.mark.long
 def test_a_client_that_dies_or_fights_for_the_lease_does_not_stop_the_way_to_rest(sim: HeatingDaemon) -> None:
     under_way_to_rest(sim)
     sim.keeps_lease = False

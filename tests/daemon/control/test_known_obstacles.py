@@ -102,6 +102,7 @@ def test_a_map_of_heights_is_an_obstacle_as_any_other(sim: Toucher, config: Conf
     assert "motion_stopped" in [event.code for event in sim.core.events]
 
 
+@pytest.mark.long
 def test_a_jog_stops_before_a_column_and_a_map_inside_the_arm_is_refused(sim: Toucher, config: Config) -> None:
     tell(sim, rock(config, 0.6), max_age_s=None)
     scene = Scene.of(config.arm, around=sim.core.obstacles.shapes())
@@ -128,6 +129,7 @@ def share_of(q: Array) -> float:
     return float((q - ABOVE) @ way / (way @ way))
 
 
+@pytest.mark.long
 def test_plans_and_inverse_kinematics_know_a_map(config: Config) -> None:
     """A plan goes round a column that the straight way meets; a goal in it is a collision."""
     plain = replace(config, model=None)

@@ -228,6 +228,7 @@ class Clients(RuleBasedStateMachine):
 CONFIG: list = []
 
 
+@pytest.mark.long
 def test_clients_that_die_wait_replay_and_forge(config) -> None:
     from hypothesis.stateful import run_state_machine_as_test
 

@@ -240,6 +240,7 @@ def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: SimulatedDaemon
     assert sim.core.mode is Mode.ARMED
 
 
+@pytest.mark.long
 @given(stall=st.integers(1, 70))
 def test_with_the_shipped_link_times_a_stall_below_490_ms_ends_no_motion(stall: int) -> None:
     """70 ticks are 455 ms; the frame before and the answer after take two more. No pulse jumps afterwards."""
@@ -492,5 +493,5 @@ def test_state_machine(tmp_path_factory) -> None:
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
         DaemonStateMachine,
-        settings=settings(stateful_step_count=40, suppress_health_check=list(HealthCheck)),
+        settings=settings(stateful_step_count=25, suppress_health_check=list(HealthCheck)),
     )

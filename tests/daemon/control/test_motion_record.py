@@ -87,6 +87,7 @@ def in_order(of: Model, q: Array, folder: Path) -> Array:
     return predict(of, load_poses(path, of.arm))
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 2**31), orders=ORDERS)
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_rpc_fk_and_predict_agree_wherever_the_arm_went(seed: int, orders: list[list[float]], tmp_path: Path) -> None:
@@ -102,6 +103,7 @@ def test_rpc_fk_and_predict_agree_wherever_the_arm_went(seed: int, orders: list[
     np.testing.assert_allclose(tips, in_order(of, np.array(q), tmp_path), rtol=0.0, atol=AGREE)
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 2**31), orders=ORDERS)
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_stated_direction_and_a_stated_start_are_those_of_a_file(
@@ -130,6 +132,7 @@ def warming(seed: int) -> Model:
     return whole.with_state(StateAfterSession(dict.fromkeys((f"drift@{j}" for j in joints), "last"), kept, parts))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:the file of these poses")
 @given(seed=st.integers(0, 2**31), running=st.floats(0.0, 2e4), goal=st.lists(ANGLES, min_size=6, max_size=6))
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -163,6 +166,7 @@ def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
     assert np.linalg.norm(np.subtract(tip(ik, goal, Known(running=0.0), direction=[[1] * 6]), kept)) > 1e-5
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 2**31), ends=st.lists(st.lists(ANGLES, min_size=6, max_size=6), min_size=3, max_size=3))
 @settings(max_examples=12, deadline=None)
 def test_rpc_ik_comes_from_where_the_arm_stands(seed: int, ends: list[list[float]]) -> None:

@@ -115,6 +115,7 @@ def test_the_load_of_an_earlier_move_counts_for_the_next_one(sim: LoadedDaemon) 
         sim.move(LOW)
 
 
+@pytest.mark.long
 def test_a_jog_stops_higher_above_the_ground_with_a_load(config, deployed) -> None:
     ends = {}
     for payload in (0.0, HEAVY):

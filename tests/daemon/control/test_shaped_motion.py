@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrmd.control.motion_predictor import MotionPredictor
@@ -110,6 +110,7 @@ def test_waits_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, waits
     assert sim.ramp.fault is RampFault.REFUSED
 
 
+@pytest.mark.long
 def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
     """At 50 Hz. The ramp takes the ticks that the controller foresees; only the last of two legs is timed."""
     config = config_at(50.0, tmp_path)
@@ -213,7 +214,9 @@ def test_the_shaping_of_the_configuration_waits_for_a_model(tmp_path) -> None:
     assert sim.core.handle(back, sim.now).final_leg.move.impulses != ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shaping", ["off", "zvdd"])
+@settings(max_examples=6)
 @given(at=st.integers(1, 250), soft=st.floats(1.0, 12.0))
 def test_another_model_leaves_a_motion_under_way_as_it_was_ordered(shaping, at, soft, tmp_path_factory) -> None:
     """Tick by tick the pulses are those of a daemon whose model stays; the model is taken away, or another is there."""

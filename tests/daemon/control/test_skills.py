@@ -19,6 +19,7 @@ def arm() -> SkilledDaemon:
     return SkilledDaemon()
 
 
+@pytest.mark.long
 def test_the_skills_of_a_fetch_one_after_the_other(arm: SkilledDaemon) -> None:
     fetch: list[tuple[str, dict[str, Any]]] = [
         ("approach", {"goal": GOAL, "height_m": 0.05, "gripper_rad": 0.2}), ("touch_down", {"goal": GOAL}),
@@ -38,6 +39,7 @@ def test_the_skills_of_a_fetch_one_after_the_other(arm: SkilledDaemon) -> None:
     assert arm.q[arm.config.index("gripper")] == pytest.approx(0.2, abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("when", ["planning", "moving"])
 @pytest.mark.parametrize("how", ["hold", "estop", "lease lost", "released", "taken"])
 def test_a_skill_ends_where_its_client_or_anybody_stops_it(arm: SkilledDaemon, when: str, how: str) -> None:
@@ -110,6 +112,7 @@ def test_the_pose_of_a_skill_under_way_is_not_one_to_arm_at(arm: SkilledDaemon) 
     assert arm.core.saved(1).still
 
 
+@pytest.mark.long
 def test_what_cannot_be_reached_or_is_not_answered_is_refused(arm: SkilledDaemon) -> None:
     arm.begin("approach", goal=GOAL, height_m=0.05)
     arm.keep(20, answers=True, found=False)

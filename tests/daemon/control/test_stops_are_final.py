@@ -80,6 +80,7 @@ ORDERS: dict[str, Callable[[str, int], MotionRequest]] = {
 }
 
 
+@pytest.mark.long
 @given(
     stop=st.sampled_from(sorted(STOPS)), order=st.sampled_from(sorted(ORDERS)), moving=st.integers(0, 20),
     late=st.integers(0, 20),

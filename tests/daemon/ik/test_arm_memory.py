@@ -124,6 +124,7 @@ def starting_errors(ik: IkService, own: Array, poses: Array, truth: float, *, po
     return out
 
 
+@pytest.mark.long
 def test_an_arm_that_gets_power_rested_or_bore_its_load() -> None:
     """The squared error of the first goals is less than from the session's mean, over both starts; it is stated."""
     of = model(("creep@joint2",))
@@ -158,6 +159,7 @@ def of_file(of: Model, q: Array, t: Array, folder: Path) -> Array:
     return solve_equilibrium(deployed, poses).tcp
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("names", [MEMORIES, ("slip@joint3",)])
 @given(poses=POSES, seed=st.integers(0, 2**31))
 @settings(
@@ -182,6 +184,7 @@ def test_rpc_fk_and_lrm_ident_agree_on_the_same_history(
     assert np.abs(told - forgets).max() > 1e-5, "the memory moves the tip"
 
 
+@pytest.mark.long
 @given(poses=POSES, stand=st.floats(0.0, 100.0))
 @example(poses=[(0.0,) * 6, (0.0, 0.25, *(0.0,) * 4), (0.0,) * 6], stand=0.0)
 @settings(max_examples=5, deadline=None, phases=(Phase.explicit, Phase.reuse, Phase.generate))

@@ -35,6 +35,7 @@ from tests.conftest import TABLE_B2
 from tests.math.collision.test_collision import sampled_distance
 from tests.math.kinematics.test_chain import link_matrices
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.sweep import soak
 
 START, END = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
 LOAD = 0.0663
@@ -95,7 +96,7 @@ def workcell_with_post(name: str, folder: Path, size: tuple[float, float, float]
     return Workcell(config, model, IkService.of(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
 
 
-@pytest.fixture(scope="module", params=["lrm-lab", "lrm-rover"])
+@pytest.fixture(scope="module", params=["lrm-rover", *soak("lrm-lab")])
 def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Workcell:
     return workcell_with_post(request.param, tmp_path_factory.mktemp("arm"))
 
@@ -238,6 +239,7 @@ def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(pla
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("place", ["lrm-lab", *soak("lrm-rover")], indirect=True)
 def test_an_arm_that_stands_within_the_margin_is_led_out_of_it(place: Workcell) -> None:
     """Happens after a new model was deployed that knows more of the sag: before, it could go nowhere."""
     pose, _, sunk = sagging_pose(place)

@@ -37,6 +37,7 @@ def service() -> IkService:
     return IkService.of(config, deploy(config))
 
 
+@pytest.mark.long
 def test_the_commanded_tip_keeps_to_its_line_by_an_independent_model() -> None:
     """Every `EVERY` ticks of the ramp, loads and turns among them; the ramp's law holds in every tick."""
     walked = list(itertools.islice((line for line in random_lines(3) if not line.ended), 5))

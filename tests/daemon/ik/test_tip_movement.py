@@ -58,6 +58,7 @@ def test_a_large_movement_is_asked_for_and_a_larger_one_than_the_reach_refused(c
         check_movement(TipMovement(1.01 * length, 0.0), config.arm, accept=True)
 
 
+@pytest.mark.long
 def test_a_deployment_says_how_far_the_tip_moves(active: ActiveModel) -> None:
     moved = active.deploy(LINK.format(200.0), accept=True).moved
     assert moved is not None

@@ -54,6 +54,7 @@ def count(line: RampWithBoard) -> int:
     return frames(line.board.feed(encode(protocol.read(200, [0])), line.now))[0].words[0]
 
 
+@pytest.mark.long
 def test_a_state_of_an_old_handshake_is_not_adopted(config: Config) -> None:
     line = moving(config)
     lost(line, config)
@@ -76,6 +77,7 @@ def test_a_state_of_an_old_handshake_is_not_adopted(config: Config) -> None:
         assert set(sent) == {there}
 
 
+@pytest.mark.long
 def test_a_greeting_of_an_old_handshake_does_not_hide_that_the_board_has_pulses(config: Config) -> None:
     """Else the arm would be armed elsewhere than it stands: a jump."""
     line = RampWithBoard(config)
@@ -122,6 +124,7 @@ def test_a_greeting_of_an_old_handshake_does_not_answer_a_new_one(config: Config
         assert {f.type for f in line.sent} == {FrameType.HELLO}
 
 
+@pytest.mark.long
 @given(seq=st.integers(1, 60))
 @settings(max_examples=30, deadline=None)
 def test_a_dead_board_is_not_hidden_by_one_old_acknowledgement(config: Config, seq: int) -> None:
@@ -220,6 +223,7 @@ def test_a_reply_that_is_not_in_the_table_changes_nothing(state: LinkState, repl
     assert (link.state, action) == TABLE.get((state, reply), (state, None))
 
 
+@pytest.mark.long
 @given(before=st.integers(0, 12), silent=st.integers(1, 400), pulsing=st.booleans(), restart=st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_a_chip_that_answers_again_is_used_again(

@@ -195,6 +195,7 @@ def branching(line: RampWithBoard, number: int, branch_at: int, target: int, aft
     return line.order(number, target=(target,) * 16, after=before, branch_at=branch_at)
 
 
+@pytest.mark.long
 @given(length=st.integers(5, 40), branch_at=st.integers(0, 40), read_at=st.integers(0, 40))
 @settings(max_examples=40)
 def test_an_order_branches_off_where_it_says_or_the_servos_stop(

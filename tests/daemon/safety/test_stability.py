@@ -36,6 +36,8 @@ from tests.daemon.control.test_known_obstacles import AWAY
 from tests.daemon.safety.test_contact import ABOVE, Toucher, soft
 from tests.support.daemon.in_memory_daemon import CONFIG
 
+pytestmark = pytest.mark.long
+
 NARROW = Vehicle(2.0, (-0.05, 0.0, 0.1), ((0.12, 0.12, 0.0), (-0.2, 0.12, 0.0), (-0.2, -0.12, 0.0), (0.12, -0.12, 0.0)))
 """So light that the arm's pose matters: the tip-over angle changes by tens of degrees."""
 

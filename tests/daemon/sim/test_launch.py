@@ -13,6 +13,8 @@ import pytest
 
 from lrmd.config import load_config
 
+pytestmark = pytest.mark.long
+
 PROGRAM = """
 import os, signal, sys
 from lrmd.config import load_config

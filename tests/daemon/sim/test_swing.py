@@ -47,6 +47,7 @@ def test_frequency_and_decay_are_those_of_spring_damper_and_inertia() -> None:
     assert peaks[0] == pytest.approx(0.3 / np.sqrt(STIFF / mass), rel=0.15)
 
 
+@pytest.mark.long
 def test_friction_stops_the_swing_early_and_leaves_the_link_beside_its_place() -> None:
     friction = 0.05
     free, rubbed = swung(JointSpring(STIFF, 0.02)), swung(JointSpring(STIFF, 0.02, friction))

@@ -32,6 +32,7 @@ def test_the_true_tool_is_the_drawn_one_where_nothing_is_hidden() -> None:
     np.testing.assert_allclose(tools_after(arm, GroundTruth.nominal(arm), q), tool_poses(ARM, poses_of(q)), atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_camera_shows_where_the_tool_truly_is() -> None:
     arm = HiddenSo101(hidden_truth(load_arm(ARM_FILE), "friction", 1))
     angles = poses_for_photos(2, 1)[1]
@@ -47,6 +48,7 @@ def test_the_camera_shows_where_the_tool_truly_is() -> None:
     assert np.abs(off - off.mean(axis=0)).max() < 0.5
 
 
+@pytest.mark.long
 def test_the_camera_sees_the_poses_and_the_goals() -> None:
     poses = poses_for_photos(20, 4)
     assert DRAWN.shows(poses).all()

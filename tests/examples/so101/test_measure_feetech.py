@@ -24,8 +24,11 @@ from lrm_math.arm.arm_file import load_arm
 from lrmd.sim.control_socket import query_board
 from tests.support.commands import run_command, stderr_of
 from tests.support.daemon.daemon_process import wait_for
+from tests.support.sweep import soak
 from validation.lerobot_robot.fitted_model import fit_hidden
 from validation.synthetic import load_arm as described_arm
+
+pytestmark = pytest.mark.long
 
 POSES_DEG = ((0, 0, 0, 0, 0), (15, -10, 12, 5, -8), (-12, 8, -15, 10, 20), (6, 14, -6, -12, 4))
 QUICK = ("--pause", "0", "--settle", "0.1", "--dwell", "0.2", "--speed", "120")
@@ -86,7 +89,7 @@ def test_words_that_name_no_bus_are_one_line(tmp_path: Path, robot: str, words: 
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+@pytest.mark.parametrize("kind", ["dynamixel", *soak("feetech")])
 def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path, kind: str) -> None:
     poses = poses_file(tmp_path)
     with simulated_so101(tmp_path, "gain", 1, kind) as link, simulated_tracker(link, 1) as tracker:
@@ -96,7 +99,7 @@ def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path, kind: str) ->
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+@pytest.mark.parametrize("kind", ["feetech", *soak("dynamixel")])
 def test_the_tip_lands_nearer_with_the_model_of_this_arm(tmp_path: Path, kind: str) -> None:
     model = fit_hidden(hidden_truth(described_arm(ARM_FILE), "gain", 1), "gain", 1, tmp_path)
     found = {}
@@ -127,16 +130,19 @@ def test_a_model_for_a_daemon_and_one_of_another_arm_are_one_line(tmp_path: Path
     assert "a model of ur5" in said
 
 
-@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+RELEASES = [
+    ("feetech", signal.SIGINT, ["--release"], "release\n", False),  # Ctrl-C holds, whatever else was said
+    ("feetech", signal.SIGQUIT, [], "no\n", False),
+    ("dynamixel", signal.SIGQUIT, [], "", False),
+    ("dynamixel", signal.SIGQUIT, [], "release\n", True),
+    ("feetech", signal.SIGQUIT, ["--release"], "", True),
+]
+OTHER_BUS = {"feetech": "dynamixel", "dynamixel": "feetech"}
+
+
 @pytest.mark.parametrize(
-    ("number", "options", "answer", "released"),
-    [
-        (signal.SIGINT, ["--release"], "release\n", False),  # Ctrl-C holds, whatever else was said
-        (signal.SIGQUIT, [], "no\n", False),
-        (signal.SIGQUIT, [], "", False),
-        (signal.SIGQUIT, [], "release\n", True),
-        (signal.SIGQUIT, ["--release"], "", True),
-    ],
+    ("kind", "number", "options", "answer", "released"),
+    [*RELEASES, *soak(*((OTHER_BUS[kind], *rest) for kind, *rest in RELEASES))],
 )
 def test_torque_is_released_only_when_the_person_said_so(
     tmp_path: Path, kind: str, number: signal.Signals, options: list[str], answer: str, released: bool

@@ -16,6 +16,8 @@ from lrmd.sim.control_socket import query_board
 from tests.support.commands import run_command, stderr_of
 from tests.support.daemon.daemon_process import wait_for
 
+pytestmark = pytest.mark.long
+
 FRAME_S = 1.0 / 30.0
 
 

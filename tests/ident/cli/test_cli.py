@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
+from lrm_ident.fitting import cross_validation
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import run_command, stdout_of
 from validation import synthetic
@@ -102,9 +103,13 @@ def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Path) -> None:
+def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The play of the shipped example in an arm of two joints, on which eleven selections take seconds."""
+    monkeypatch.setattr(cross_validation, "MOST_REFITTED", 0)
     data, *_ = synthetic.write_example(folder, ROOT / "config" / "arms" / "two-joint.toml")
+    data.write_text("\n".join(data.read_text().splitlines()[:121]) + "\n")
     stdout_of("fit", data, "-o", folder / "two-joint.toml")
     outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
     said = stdout_of("auto", folder / "two-joint.toml", data, "--nested", *outputs)

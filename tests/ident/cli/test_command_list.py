@@ -70,6 +70,7 @@ def test_the_help_loads_no_command_and_no_numbers() -> None:
     assert not {"numpy", "scipy", "pydantic", "matplotlib", "lrm_ident.cli.command"} & loaded
 
 
+@pytest.mark.long
 def test_a_fit_loads_neither_scipy_nor_what_diagnoses() -> None:
     loaded = loaded_by("import lrm_ident.cli.fit")
     assert "lrm_ident.study.study" in loaded

@@ -81,6 +81,7 @@ def test_a_card_with_a_word_that_it_does_not_have_is_refused(tmp_path: Path) -> 
     assert "licens" in stderr_of("dataset", "check", carded(tmp_path, CARD.replace("licence", "licens")))
 
 
+@pytest.mark.long
 def test_a_card_changes_no_number(tmp_path: Path) -> None:
     with_card, without = tmp_path / "a", tmp_path / "b"
     for folder, data in ((with_card, carded), (without, lambda folder: part_of_example(folder, 30))):

@@ -13,22 +13,29 @@ import pytest
 import lrm_ident as lrm
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import read_toml
-from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
+
+pytestmark = pytest.mark.long
 
 
 @pytest.mark.slow
-def test_the_demo_tells_the_story_twice_in_one_folder(tmp_path: Path) -> None:
-    for _ in range(2):
-        said = stdout_of("demo", "-o", tmp_path / "story")
+def test_the_demo_tells_the_story_in_a_folder_where_it_was_told_before(
+    tmp_path: Path, example_study: lrm.Study
+) -> None:
+    (folder := tmp_path / "story").mkdir()
+    stdout_of("example", "-o", folder / "data.csv")
+    for name, study in (("model", example_study), ("best", example_study.add("backlash@joint2"))):
+        study.save(folder / f"{name}.toml")
+    stdout_of("report", folder / "best.toml", folder / "data.csv", "-o", folder / "report.html")
+    said = stdout_of("demo", "-o", folder)
     assert "Missing from the model: backlash in joint 2" in said
     assert "geometry and springs 3.03 → backlash in joint 2 0.5" in " ".join(said.split()), (
         "the whole course, not its last step"
     )
-    last = read_toml(tmp_path / "story" / "best.toml", ModelFile).history[-1]
+    last = read_toml(folder / "best.toml", ModelFile).history[-1]
     assert last.course is not None
     assert last.course.shows == {"backlash@joint2": "identified cause"}
-    assert {path.name for path in (tmp_path / "story").iterdir() if not path.name.startswith(".")} == {
+    assert {path.name for path in folder.iterdir() if not path.name.startswith(".")} == {
         "data.csv", "data.toml", "model.toml", "best.toml", "report.html",
     }  # fmt: skip
 
@@ -38,8 +45,8 @@ def test_the_example_can_be_fitted_where_it_is_written(tmp_path: Path) -> None:
     assert "RMS error fell" in stdout_of("fit", tmp_path / "mine.csv", "-o", tmp_path / "model.toml")
 
 
-def test_a_model_is_summed_up_without_its_data(tmp_path: Path) -> None:
-    study = lrm.Study.of(lrm.load(EXAMPLE)).fit().add("backlash@joint2")
+def test_a_model_is_summed_up_without_its_data(tmp_path: Path, example_study: lrm.Study) -> None:
+    study = example_study.add("backlash@joint2")
     study.save(tmp_path / "best.toml")
     said = stdout_of("show", tmp_path / "best.toml", "--json", tmp_path / "best.json")
     assert said.startswith(study.summary().splitlines()[0])

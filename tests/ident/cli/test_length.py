@@ -24,6 +24,8 @@ from lrm_math.model.model import model_of
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
 
+pytestmark = pytest.mark.long
+
 COLUMNS, ROWS = 80, 20
 RIG = "rig.csv"
 COMMANDS = [

@@ -15,6 +15,8 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model_file import load_covariance, load_model
 from tests.support.commands import part_of_example, stderr_of, stdout_of
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
+
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -45,6 +45,7 @@ def test_the_tutorial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (tmp_path / "REPORT.html").stat().st_size < 2e6
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_the_method(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(EXAMPLE.parent, tmp_path / EXAMPLE.parent.relative_to(ROOT))

@@ -21,6 +21,8 @@ from lrm_math.model.model_file import load_model
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 
+pytestmark = pytest.mark.long
+
 ARM = ("--arm", "lrm-lab")
 
 
@@ -51,7 +53,7 @@ def test_a_few_independent_poses_are_enough_to_compare(tmp_path: Path) -> None:
     assert "measure at least" not in stdout_of("compare", model, others)
 
 
-def test_left_out_poses_can_be_compared_alone(tmp_path: Path) -> None:
+def test_left_out_poses_can_be_compared_alone(tmp_path: Path, example_model: Path) -> None:
     model, result = tmp_path / "model.toml", tmp_path / "result.json"
     stdout_of("fit", EXAMPLE, "--leave-out", "3,10-15", "-o", model)
     stdout_of("compare", model, EXAMPLE, "--left-out", "--json", result)
@@ -59,39 +61,37 @@ def test_left_out_poses_can_be_compared_alone(tmp_path: Path) -> None:
     assert found["poses"] == 7
     assert {pose["pose"] for pose in found["worst_poses"]} == {3, *range(10, 16)}
     assert found["error"]["held_out"] is None
-    stdout_of("fit", EXAMPLE, "-o", model)
-    assert "no poses that the fit left out" in stderr_of("compare", model, EXAMPLE, "--left-out")
+    assert "no poses that the fit left out" in stderr_of("compare", example_model, EXAMPLE, "--left-out")
 
 
-def test_an_interrupted_run_keeps_the_model_of_the_last_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    begun, model, kept = tmp_path / "begun.toml", tmp_path / "model.toml", tmp_path / "kept.toml"
-    stdout_of("fit", EXAMPLE, "-o", begun)
-    stdout_of("auto", begun, EXAMPLE, "--no-nested", "--max-effects", 1, "-o", model)
-    real = Study.auto
+def test_an_interrupted_run_keeps_the_model_of_the_last_step(
+    tmp_path: Path, example_model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, real, taken = tmp_path / "kept.toml", Study.auto, list[Study]()
 
     def interrupted(self: Study, _: int, rates: Any, on_step: Callable[[Step, Study], object]) -> Any:
-        real(self, 1, rates, on_step)
+        taken.append(real(self, 1, rates, on_step)[1])
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Study, "auto", interrupted)
-    code, _, said = run_command("auto", begun, EXAMPLE, "-o", kept)
+    code, _, said = run_command("auto", example_model, EXAMPLE, "-o", kept)
     assert code == 130
     assert "the model of the last step" in " ".join(said.split())
-    assert load_model(kept).keys == load_model(model).keys
+    assert load_model(kept).keys == taken[0].model.keys != load_model(example_model).keys
 
     def at_once(*_: Any) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Study, "auto", at_once)
-    code, _, said = run_command("auto", begun, EXAMPLE, "-o", tmp_path / "none.toml")
+    code, _, said = run_command("auto", example_model, EXAMPLE, "-o", tmp_path / "none.toml")
     assert (code, "no step was taken" in said) == (130, True)
 
 
-def test_what_takes_long_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    begun, model = tmp_path / "begun.toml", tmp_path / "model.toml"
-    stdout_of("fit", EXAMPLE, "-o", begun)
+def test_what_takes_long_is_asked_for(tmp_path: Path, example_model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "UNASKED_S", 0.0)
-    said = " ".join(stdout_of("auto", begun, EXAMPLE, "--max-effects", 0, "-o", model).split())
+    said = " ".join(
+        stdout_of("auto", example_model, EXAMPLE, "--max-effects", 0, "-o", tmp_path / "model.toml").split()
+    )
     assert "ask for it with --nested" in said
 
 

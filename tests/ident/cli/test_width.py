@@ -57,6 +57,7 @@ def words_of(text: str) -> list[str]:
     return sorted(word for word in text.split() if word.strip("─"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", HELPS)
 def test_help_is_wrapped_at_spaces(command: str) -> None:
     (code, wide, _), (_, narrow, _) = (piped(columns)[f"{command} --help"] for columns in (110, 80))
@@ -65,6 +66,7 @@ def test_help_is_wrapped_at_spaces(command: str) -> None:
     assert words_of(narrow) == words_of(wide)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("columns", [80, 110])
 def test_results_are_wrapped_at_spaces_where_a_width_is_known(columns: int) -> None:
     (code, free, _), (_, narrow, _) = piped(None)[FIT], piped(columns)[FIT]

@@ -69,6 +69,7 @@ def test_the_commands_that_write_are_found() -> None:
     assert (("arm", "show"), "--figure", ".csv") in [(words, option, end) for words, _, option, end in CASES]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "command", "option", "end"), CASES, ids=[f"{' '.join(w)} {o} {e}" for w, _, o, e in CASES]
 )
@@ -109,6 +110,7 @@ def test_the_numbers_of_a_figure_spare_the_measurements(tmp_path: Path) -> None:
     assert not (tmp_path / "so101.png").exists()
 
 
+@pytest.mark.long
 def test_the_same_command_replaces_what_it_wrote(tmp_path: Path) -> None:
     words = ("arm", "show", "two-joint", "--figure", tmp_path / "arm.png", "--json", tmp_path / "arm.json")
     stdout_of(*words)
@@ -133,6 +135,7 @@ def test_a_page_is_named_so(tmp_path: Path) -> None:
     assert "name it .html" in stderr_of("report", EXAMPLE, EXAMPLE, "-o", tmp_path / "R.pdf")
 
 
+@pytest.mark.long
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from(["write", "edit", "remove"])), max_size=12))
 def test_a_file_is_replaced_as_long_as_it_is_the_tools(
     tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[str, str]]
@@ -157,6 +160,7 @@ def test_a_file_is_replaced_as_long_as_it_is_the_tools(
         assert is_own(path) == (path.exists() and name not in foreign)
 
 
+@pytest.mark.long
 def test_one_place_writes() -> None:
     """Only `atomic_write` opens files for writing; else only into folders of the tool's own."""
     found = []

@@ -169,6 +169,7 @@ BAD_MODEL: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", BAD_MODEL)
 @pytest.mark.parametrize("command", ["compare", "predict"])
 def test_models(tmp_path: Path, name: str, command: str) -> None:

@@ -40,6 +40,8 @@ from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import Sensed, from_anchor
 from tests.support.random_arms import random_arm
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 SD, POINT = 2e-4, np.array([0.15, -0.45, 0.05])
 ANCHOR = tuple(f"anchor.distance.{axis}_mm" for axis in "xyz")
 
@@ -79,6 +81,7 @@ def measured(model: Model, poses: int, seed: int, positions: int = 0, point: boo
     )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 def test_derivatives_are_those_of_central_differences(seed: int) -> None:
     arm = random_arm(seed, 4)
@@ -177,6 +180,7 @@ def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> N
     assert "anchor" in {effect.id for effect, _ in missing}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_few_distances_of_an_arm_that_may_turn_about_their_fixed_end_converge(seed: int) -> None:
     """Before: a fit crept along the turns of the whole arm, and ended after 300 steps without converging."""

@@ -18,6 +18,7 @@ from lrm_math.model.model import model_of
 from lrm_math.model.sensed import tool_rotation
 from tests.support.commands import stdout_of
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 SD_MM = 0.1
 POINT_MM = (150.0, -450.0, 50.0)
 ANGLES, XYZ = ("pose", "q1_deg", "q2_deg"), ("x_mm", "y_mm", "z_mm")

@@ -33,6 +33,8 @@ from tests.ident.measuring.recordings.test_recordings import motive
 from tests.support.commands import run_command, stdout_of
 from validation.newcomer_files.changes import scaled_arm
 
+pytestmark = pytest.mark.long
+
 POSES = 40
 Door = Callable[[Path, Path], str]
 """Takes the path of measurements and of a model, and gives the message that refuses them."""

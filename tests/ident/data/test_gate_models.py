@@ -116,6 +116,7 @@ MODEL_DOORS: dict[str, Callable[[Path], str]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("door", "rule"), [(d, r) for d in MODEL_DOORS for r in MODEL_RULES if r not in READ_NEXT.get(d, ())]
 )

@@ -26,6 +26,8 @@ from tests.ident.data.test_table_formats import NAMES, ROWS, text
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.sweep import seeds
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
 RELATION = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 CELLS = st.text(st.characters(codec="utf-8", exclude_categories=("C",)), max_size=8)
@@ -163,6 +165,7 @@ def scaled_column(name: str, factor: float) -> list[list[str]]:
     return [header, *([*row[:j], repr(float(row[j]) * factor), *row[j + 1 :]] for row in rows)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("joint", [1, 2, 3])
 def test_one_joint_in_radians_is_recognised(tmp_path: Path, lab: Arm, joint: int) -> None:
     path = written(tmp_path / "data.csv", scaled_column(f"q{joint}_deg", np.pi / 180))
@@ -170,6 +173,7 @@ def test_one_joint_in_radians_is_recognised(tmp_path: Path, lab: Arm, joint: int
         load_checked(path, lab)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axis", "xyz")
 @pytest.mark.parametrize(("unit", "name"), [("m", "metres"), ("inch", "inches"), ("cm", "centimetres")])
 def test_one_axis_in_another_unit_is_recognised(tmp_path: Path, lab: Arm, axis: str, unit: str, name: str) -> None:
@@ -209,6 +213,7 @@ def test_all_cells_that_are_no_numbers_are_named_at_once(tmp_path: Path, lab: Ar
     assert "leave 3 rows out with --bad-rows skip" in str(caught.value)
 
 
+@pytest.mark.long
 def test_rows_with_bad_cells_are_skipped_when_asked_and_by_the_next_command(tmp_path: Path, lab: Arm) -> None:
     path, _ = bad_rows(tmp_path / "data.csv")
     data = load_measurements(path, lab, Reading(bad_rows="skip"))
@@ -238,6 +243,7 @@ def test_equal_poses_are_said(tmp_path: Path) -> None:
     assert "60 poses, and all are equal" in stderr_of("fit", path, "--arm", "lrm-lab")
 
 
+@pytest.mark.long
 def test_too_few_poses_are_told_one_number(tmp_path: Path) -> None:
     header, *rows = example_rows()
     said = set()

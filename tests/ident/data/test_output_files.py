@@ -27,6 +27,7 @@ def refused(data: Path, *words: object) -> str:
     return said
 
 
+@pytest.mark.long
 def test_outputs_that_would_destroy_something(data: Path) -> None:
     folder = data.parent
     (folder / "link.toml").symlink_to(data)
@@ -53,6 +54,7 @@ def test_a_folder_that_may_not_be_written(data: Path) -> None:
     assert "may not write" in refused(data, "-o", closed / "model.toml")
 
 
+@pytest.mark.long
 def test_a_link_is_followed(data: Path) -> None:
     model, link = data.parent / "model.toml", data.parent / "latest.toml"
     model.write_text('schema = "lrm/model/1"\n')

@@ -27,6 +27,7 @@ from tests.support.commands import run_command
 from tests.support.source_files import files
 from tests.support.vendor_robots import vendor_parts
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 Words = tuple[object, ...]
 NAMES = ("q1_deg", "q2_deg", "x_mm", "y_mm", "z_mm")
 SAVETXT = re.compile(r"numpy\.savetxt\('data\.csv', A, (.*?)\) writes")

@@ -51,6 +51,7 @@ def rows_of(count: int) -> list[list[str]]:
     return [line.split(",") for line in EXAMPLE.read_text().splitlines()[1 : count + 1]]
 
 
+@pytest.mark.long
 def test_zeros_of_a_lost_tracker_are_left_out_and_said(lab: Arm, tmp_path: Path) -> None:
     rows, healthy = rows_of(80), rows_of(80)
     for lost in (3, 40, 41):
@@ -77,6 +78,7 @@ def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
         load_measurements(example(tmp_path, [[*row[:-3], "0", "0", "0"] for row in rows_of(20)]), lab)
 
 
+@pytest.mark.long
 def test_a_fit_with_a_few_wrong_rows_says_how_to_leave_them_out(tmp_path: Path) -> None:
     rows = rows_of(120)
     for wrong in (10, 50, 90):
@@ -198,6 +200,7 @@ def test_an_inverse_orientation(tmp_path: Path) -> None:
         load_checked(path, load_arm("so101"))
 
 
+@pytest.mark.long
 def test_the_error_of_orientations_stands_in_the_tables(tmp_path: Path) -> None:
     path = as_file(tmp_path, so101_data(60, 1), ["qw", "qx", "qy", "qz"], JOINTS)
     out = stdout_of("fit", path, "--arm", "so101", "-o", tmp_path / "model.toml", "--json", tmp_path / "fit.json")
@@ -206,6 +209,7 @@ def test_the_error_of_orientations_stands_in_the_tables(tmp_path: Path) -> None:
     assert "orientation RMS, deg" in " ".join(stdout_of("compare", tmp_path / "model.toml", path).split())
 
 
+@pytest.mark.long
 def test_compare_prints_by_how_much_tools_are_turned_that_the_model_does_not_explain(tmp_path: Path) -> None:
     """Fresh orientations turned by 2 degrees, each about an axis of its own."""
     made, fresh = so101_data(60, 1), so101_data(60, 1)
@@ -277,6 +281,7 @@ def test_additional_variance_of_a_known_sample() -> None:
     assert additional_sd(rng.normal(0, 0.9 * sd[:, None], (4000, 3)), sd, 12000) == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -> None:
     made = replace(so101_data(90, 10 + seed, "backlash@joint2"), attitude=None)
@@ -293,5 +298,6 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
     assert with_model_error(stated, blind.equilibrium, len(blind.model.free)).model_sd > 2e-4
 
 
+@pytest.mark.long
 def test_a_choice_of_few_parameters_is_no_bad_fit() -> None:
     assert run_command("fit", EXAMPLE, "--parameters", "option3")[0] == 0

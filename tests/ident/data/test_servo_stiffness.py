@@ -134,6 +134,7 @@ def test_quaternions_turn_as_they_should() -> None:
     np.testing.assert_allclose(np.abs(mean), [1, 0, 0, 0], atol=1e-12)
 
 
+@pytest.mark.long
 def test_stated_errors_of_the_alignment_are_honest() -> None:
     rng, inside = np.random.default_rng(0), []
     known, deviation = np.array([0.245, 0.0, 0.04]), np.array([-3e-4, -7e-4, 4e-4])

@@ -124,6 +124,7 @@ def test_rigid_motion_is_found_whatever_is_touched(seed: int, count: int) -> Non
     assert np.allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-9)
 
 
+@pytest.mark.long
 def test_touches_identify_the_arm_and_the_boards(so101: Arm, touches: Touches, tmp_path: Path) -> None:
     """Distances between tips that were never touched come out right: the scale is that of the board."""
     data = load_checked(write_touches(tmp_path, touches, points_toml()), so101)

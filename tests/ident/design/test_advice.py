@@ -130,9 +130,10 @@ def of_memory(arm: Arm, *names: str) -> PoseDesign:
     offer = CandidateSet(Poses(np.tile(q, (2, 1)), np.repeat([0.0, 2.0], len(q))), "random", {})
     rivals = tuple(effect for name in names for effect in effects_at(arm, name))
     problem = DesignProblem(base(arm), None, rivals, 30, "O1", NOISE, None, 2, 1, 0)
-    return next_poses(problem, [lambda: offer])[1]
+    return next_poses(problem, offer)
 
 
+@pytest.mark.long
 def test_effects_with_a_memory_get_dwell_times_that_tell_them(waiting: PoseDesign) -> None:
     """What the model fits already is told from what it lacks; half of the poses are held, in no order."""
     assert waiting.told

@@ -298,6 +298,7 @@ def test_poses_of_an_arm_on_a_table_stay_above_it(name: str) -> None:
     assert any("below z = 30 mm" in rule for rule in above.rejected)
 
 
+@pytest.mark.long
 def test_the_command_keeps_above_the_table_unless_told_otherwise(tmp_path: Path) -> None:
     words = ["design", "so101", "-n", "20", "--repeats", "0", "--parameters", "compliance.*", "-o", tmp_path / "n.csv"]
     for floor, above in (("", True), ("none", False)):

@@ -24,6 +24,7 @@ def power_by_mixture(noncentrality: float, size: int, freedom: int) -> float:
     return float(stats.ncx2.sf(critical * size * rest / freedom, size, noncentrality).mean())
 
 
+@pytest.mark.long
 @given(st.integers(1, 60), st.floats(-2.0, 5.0))
 def test_the_power_is_that_of_the_noncentral_f_distribution(freedom: int, log_strength: float) -> None:
     rows = freedom + 2
@@ -36,6 +37,7 @@ def test_the_power_is_that_of_the_noncentral_f_distribution(freedom: int, log_st
     assert power_by_mixture(enough, 1, freedom) == pytest.approx(TARGET_POWER, abs=2e-3)
 
 
+@pytest.mark.long
 @given(st.integers(0, 10_000), st.floats(-6.0, -3.0))
 def test_an_exchange_among_nearly_dependent_columns_ends(seed: int, log_apart: float) -> None:
     rng = np.random.default_rng(seed)

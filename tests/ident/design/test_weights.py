@@ -77,6 +77,7 @@ def test_poses_measured_already_count_by_their_own_noise() -> None:
     assert design(good, offered).after.tcp < 0.6 * design(bad, offered).after.tcp
 
 
+@pytest.mark.long
 def test_droop_and_flex_can_be_told_apart_by_feedback_that_is_planned() -> None:
     sensed = Sensed(feedback=True)
     root = np.broadcast_to(np.diag([1 / 3e-4] * 3 + [1 / 5e-4] * 5), (4, 8, 8))

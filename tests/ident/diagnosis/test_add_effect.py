@@ -41,6 +41,7 @@ def play_and_measurements(seed: int, softness: float, width: float) -> tuple[Mod
     return replace(model_of(arm, base), free=FREE), Measurements(poses, number, tcp, None, None, number, Path("-"), "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "softness"), [(0, 0.02), (1, 0.05), (2, 0.1)])
 def test_the_shape_of_an_added_effect_fits_best(seed: int, softness: float) -> None:
     model, data = play_and_measurements(seed, softness, 0.03)
@@ -63,6 +64,7 @@ def test_a_shape_that_nothing_shows_leaves_standard_errors_finite() -> None:
     assert np.isfinite(found.standard_error).all()
 
 
+@pytest.mark.long
 def test_standard_errors_count_that_the_shape_is_unknown_too() -> None:
     model, data = play_and_measurements(1, 0.04, 0.03)
     [effect] = effects_at(model.arm, PLAY)

@@ -23,6 +23,8 @@ from validation.as_deployed.worlds import SimulatedCase
 from validation.hidden_effects.case import DEG
 from validation.synthetic import ArmDescription, BaseRocking, HiddenEffect, SkewTracker
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
+
 TRACKER, GRAVITY, YIELDS, CURVE = "measurement_frame@frame", "gravity@base", "base_compliance@base", "base_curve@base"
 NONE = (0.0, 0.0, 0.0)
 WORLDS: dict[str, tuple[Lean, HiddenEffect]] = {

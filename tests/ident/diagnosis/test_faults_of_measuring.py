@@ -15,6 +15,8 @@ from validation.hidden_effects.case import FAULTS, FIRST_SEED
 from validation.hidden_effects.data import NOISE_M, spoiled
 from validation.hidden_effects.faults.cases import FAULT_CASES
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 POSES, SEED = 150, 77
 BY_NAME = {case.name: case for case in FAULT_CASES}
 

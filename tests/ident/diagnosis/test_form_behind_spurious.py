@@ -18,6 +18,8 @@ from tests.support.upright_arm import upright_measurements
 from validation.synthetic import HiddenEffect, JointLoad
 from validation.synthetic.hidden_effect import at_joint
 
+pytestmark = pytest.mark.long
+
 NOISE, COUNT = 2e-4, 160
 SHOULDER = 2
 

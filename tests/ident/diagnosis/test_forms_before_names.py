@@ -187,6 +187,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     assert all(after < (1.0 - MIN_GAIN) ** 2 * before for before, after in pairwise(errors))
 
 
+@pytest.mark.long
 def test_what_was_held_is_fitted_with_an_effect(lab: Arm, described: ArmDescription) -> None:
     """A spring that was held at zero is freed with the next effect, and the error falls to the noise."""
     data = hidden(described, 8)

@@ -149,7 +149,7 @@ def test_size_zero_changes_nothing(arm: ArmDescription, effect: HiddenEffect) ->
 @pytest.mark.parametrize("name", [*SINGLE, *OUTSIDE])
 def test_cases_have_a_size_worth_finding(arm: ArmDescription, name: str) -> None:
     truth = true_arm(CASES[name], 0, arm)
-    q, load, plan = measured_poses(CASES[name], 0, 300, arm)
+    q, load, plan = measured_poses(CASES[name], 0, 100, arm)
     seen = [measure(arm, replace(truth, effects=e), q, load, schedule=plan) for e in (truth.effects, ())]
     change = np.sqrt(np.mean(np.sum((seen[1] - seen[0]) ** 2, axis=1)))
     assert 0.0005 < change < 0.006, f"{change * 1e3:.2f} mm"

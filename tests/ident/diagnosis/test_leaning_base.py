@@ -21,12 +21,15 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import Effect, effects_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from tests.support.sweep import soak
 from validation.as_deployed.leaning import Lean, leaning_recording
+
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 
 NOISE_MM = 0.52
 
 
-@pytest.mark.parametrize("lean", [Lean("x", 5, 100), Lean("y", -4, 60)], ids=lambda lean: lean.words)
+@pytest.mark.parametrize("lean", [Lean("x", 5, 100), *soak(Lean("y", -4, 60))], ids=lambda lean: lean.words)
 def test_the_lean_is_named_and_deployed(lean: Lean, tmp_path: Path) -> None:
     run = leaning_recording(7, lean)
     data, fresh = run.load(tmp_path)

@@ -32,6 +32,7 @@ def ridge(A: Array, C: Array, r: Array, rows: Array) -> Array:
     return np.asarray(left - own @ np.linalg.solve(normal, own[rows].T @ left[rows]))
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(taken=SIZES, tried=st.lists(st.integers(1, 5), min_size=1, max_size=6), seed=st.integers(0, 10**6))
 def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: list[int], seed: int) -> None:

@@ -11,11 +11,14 @@ import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_math.arm.arm_file import shipped_arms
+from tests.support.sweep import soak
 from validation import synthetic
 from validation.hidden_effects.case import LAB
 from validation.hidden_effects.data import dataset
 from validation.hidden_effects.memory import WORLDS
 from validation.synthetic.hidden_memory import ViscoelasticJoint
+
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 
 POSES = 100
 by_name = {world.name: world for world in WORLDS}
@@ -46,7 +49,7 @@ def test_creep_is_named_with_its_size_and_its_time_constant(tmp_path: Path) -> N
     assert {"offsets.joint3.theta_rad", "compliance.joint3.k_rad_per_Nm"} == {*added.model.state.offsets}
 
 
-@pytest.mark.parametrize("waits", ["uneven", "breaks"])
+@pytest.mark.parametrize("waits", ["uneven", *soak("breaks")])
 def test_an_arm_without_memory_has_none_whatever_it_waits(waits: str, tmp_path: Path) -> None:
     found = diagnosed(data_of(f"nothing, {waits}", tmp_path)[0])
     assert found.verdict == "nothing_missing"

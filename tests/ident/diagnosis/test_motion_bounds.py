@@ -18,6 +18,8 @@ from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
 from validation.synthetic import EccentricShaft, FrictionLag, HiddenEffect, SoftPlay
 
+pytestmark = pytest.mark.long
+
 POSES, NOISE = 80, 1e-3
 HIDDEN: dict[str, HiddenEffect] = {
     "backlash@joint2": SoftPlay(2, 0.006, 0.04),
@@ -38,7 +40,7 @@ def beyond_the_fit(folder: Path, seed: int, hidden: HiddenEffect) -> float:
 @pytest.mark.parametrize("name", HIDDEN)
 def test_bounds_cover_the_motion_that_a_hidden_effect_adds(tmp_path: Path, name: str) -> None:
     covered, shares = 0, []
-    arms = seeds(4, 20)
+    arms = seeds(2, 20)
     for seed in arms:
         model, data = upright_measurements(tmp_path, seed, POSES, NOISE, (HIDDEN[name],))
         fitted = fit_model(model, data, "identifiable", SQUARED).fit

@@ -15,8 +15,9 @@ from lrm_math.effects import CATALOGUE
 from validation.hidden_effects.case import Case
 from validation.hidden_effects.catalogue import EVERY, PARTS, UNFAMILIAR
 from validation.hidden_effects.data import ARM_FILE, dataset, unseen
-from validation.hidden_effects.outcome import Outcome
+from validation.hidden_effects.outcome import Judgement, Outcome
 from validation.hidden_effects.tables import faults, memories, section
+from validation.proofs.hidden_effects import rows as proof_rows
 from validation.synthetic import (
     CreepingJoint,
     DahlLoop,
@@ -163,6 +164,36 @@ def test_counts_of_a_run() -> None:
     text = section([right, false, half, failed], "tune", 300, 1)
     assert "mass@link2 ×1" in text
     assert "| one effect | 3 | 2 (67 %) | 1 (33 %) | 1 (33 %) |" in text
+
+
+def test_an_outcome_is_right_honest_or_false() -> None:
+    """By what somebody would believe: an identified cause that is none, and contentment above the noise, are false."""
+    one = Outcome("unequal-play2/tune", 0, (("backlash@joint2",),), "nothing_missing", 1.05, findings=(True,))
+    alien = Outcome("shared-supply/unforeseen", 0, verdict="unexplained_structure", ratio=4.8)
+    idle = Outcome("nothing/tune", 0, verdict="nothing_missing", ratio=1.02)
+    fault = Outcome("a loose screw/faults", 0, verdict="unpredictable", ratio=2.0, right=())
+    wrong = {"steps": (("mass@link2",),)}
+    cases = {
+        Judgement.RIGHT: (one, idle, replace(one, findings=(False,))),
+        Judgement.HONEST: (
+            alien, replace(alien, **wrong, findings=(False,)), fault, replace(one, **wrong, findings=(False,)),
+            replace(idle, verdict="unexplained_structure"),
+        ),
+        Judgement.FALSE: (
+            replace(one, **wrong), replace(alien, **wrong, findings=(True,)), replace(one, ratio=1.3),
+            replace(idle, ratio=1.3),
+        ),
+        Judgement.FAILED: (replace(one, trouble="CommandFailed"),),
+    }  # fmt: skip
+    for judgement, outcomes in cases.items():
+        assert [outcome.judgement for outcome in outcomes] == [judgement] * len(outcomes)
+    assert [outcome.hidden for outcome in (one, alien, idle, fault)] == [True, None, False, None]
+    table = {
+        row[:2]: row[2:7]
+        for row in proof_rows([replace(one, case="unequal-play3/report", steps=(("backlash@joint3",),)), alien])
+    }
+    assert table["other forms, arms and awkward data", "known effects"] == (1, 1, 0, 0, 0)
+    assert table["causes thought of by others", "no known effect fits"] == (1, 0, 1, 0, 0)
 
 
 def test_nothing_hidden_is_the_bare_arm() -> None:

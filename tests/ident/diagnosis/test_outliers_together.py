@@ -25,6 +25,7 @@ def diagnosed(model: Model, data: Measurements) -> DiagnosisReport:
     return build_report(diagnose(fit_identifiable(model, data, model.keys).fit.model, data))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(2, 6))
 def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -39,6 +40,7 @@ def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, see
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(2, 6))
 def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_path: Path, seed: int) -> None:
     model, data = upright_measurements(tmp_path, seed, 240, NOISE)

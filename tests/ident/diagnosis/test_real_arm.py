@@ -19,6 +19,7 @@ STEPS = ["drift_curve@base", "cable_curve@joint1+joint2", "servo_gain@joint4", "
 """The last three are taken in ten of ten folds too; no step is a tracker's, which the deployed arm would pay for."""
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_the_steps_on_the_real_arm(real: Measurements, lab: Arm) -> None:
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))

@@ -32,6 +32,8 @@ from validation.synthetic import GroundTruth, load_arm, measure, random_poses
 from validation.synthetic import base_displacement_to_deviations as as_deviations
 from validation.synthetic.generate import directions, even_schedule
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 NOISE, KINDS = 3e-4, (Backlash, ServoGain, Eccentricity, LateralCompliance)
 
 
@@ -84,6 +86,7 @@ def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab
     assert "Poses 100 to 114 look shifted by one row" in str(diagnosis_document(report).blocks)
 
 
+@pytest.mark.long
 @settings(max_examples=5)
 @given(st.integers(0, 1000))
 def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed: int) -> None:
@@ -99,6 +102,7 @@ def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed:
     assert found.scored
 
 
+@pytest.mark.long
 @settings(max_examples=5)
 @given(st.integers(0, 1000))
 def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, seed: int) -> None:

@@ -75,3 +75,14 @@ def test_a_model_without_a_distorted_tracker_has_no_such_scale(lab: Arm) -> None
     data = measured(lab, 0)
     plain = model_of(lab, effects_at(lab, "offsets"))
     assert scale_uncertainty(fit_identifiable(plain, data, plain.keys).fit) is None
+
+
+def test_depth_alone_tells_the_lengths_and_the_verdict_says_what_that_supposes(lab: Arm) -> None:
+    data = measured(lab, 0)
+    plain = model_of(lab, [effect for name in ("offsets", "compliance") for effect in effects_at(lab, name)])
+    before = fit_identifiable(plain, data, plain.keys).fit.model
+    fit = add_effects(before, data, effects_at(lab, "depth_scale@frame"), (0.0, 0.0, np.pi / 2))
+    along = np.sin(fit.model.value("depth_scale.frame.elevation_rad"))
+    assert abs(along) > 0.95
+    assert fit.model.value("depth_scale.frame.scale_mm_per_m") == pytest.approx(SCALE, abs=1e-3)
+    assert "right across that direction" in scale_caveat("depth_scale@frame", fit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, unfitted_effects
 from lrm_math.arm.arm import Arm
@@ -11,6 +12,8 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+
+pytestmark = pytest.mark.long
 
 
 def test_columns_are_those_of_the_total_jacobian_where_they_move_anything(lab: Arm) -> None:

@@ -30,6 +30,8 @@ from lrm_math.model.model import model_of
 from tests.support.mimic_robots import palletiser
 from tests.support.random_arms import random_arm, with_followers
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
+
 GEOMETRIES = ("any", "parallel", "meeting")
 MASSES = ("anywhere", "on axes", "none")
 

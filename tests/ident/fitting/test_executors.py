@@ -170,6 +170,7 @@ def test_versions_of_workers_are_compared() -> None:
     assert len(version_faults(here, {"tcp://c": None})) == len(SAME_VERSION) + 1
 
 
+@pytest.mark.long
 def test_no_such_cluster_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(LrmError, match=r"no such scheduler file"), executor_for(str(tmp_path / "none.json")):
         pass

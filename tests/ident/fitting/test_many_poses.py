@@ -21,6 +21,8 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import model_of
 
+pytestmark = pytest.mark.long
+
 MOST_STEPS = 40
 """Jacobians of all poses that a fit and its cross-validation may take, where one that creeps takes two hundred."""
 

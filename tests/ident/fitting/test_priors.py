@@ -12,6 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting import cross_validation
+from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -179,6 +181,7 @@ def test_data_without_noise_are_no_trouble(whole: Model) -> None:
     assert found.standard_error.max() > 0.5 * prior.sd_of(whole.keys).min()
 
 
+@pytest.mark.long
 def test_fewer_poses_than_parameters_will_do_but_not_too_few(whole: Model) -> None:
     prior = prior_of_typical_sizes(whole)
     assert fit(whole, measured(1, 20), prior=prior).effective_parameters < 45
@@ -186,6 +189,13 @@ def test_fewer_poses_than_parameters_will_do_but_not_too_few(whole: Model) -> No
         fit(whole, measured(1, 15), prior=prior)
     with pytest.raises(LrmError, match="measure at least 45 poses"):
         fit(whole, measured(1, 20))
+
+
+def test_too_few_for_the_held_out_error_are_counted_as_the_user_does(whole: Model) -> None:
+    prior = prior_of_typical_sizes(whole)
+    with pytest.raises(LrmError, match=r"17 poses for 45 parameters.* other 15 needs 16; measure at least 18 poses"):
+        held_out_blocks(whole, measured(1, 17), prior=prior)
+    assert len(held_out_blocks(whole, measured(1, 18), prior=prior)) == 10
 
 
 @pytest.mark.parametrize("arm", sorted(shipped_arms()))
@@ -221,6 +231,7 @@ def test_the_last_pattern_that_matches_holds(whole: Model) -> None:
         prior.mean_of(["drift.joint2.A_rad"])
 
 
+@pytest.mark.long
 def test_a_shape_is_fitted_where_the_prior_has_its_whole_key(lab: Arm) -> None:
     """Data that say little of it leave it at the prior's mean; a pattern leaves it where it was."""
     names = ("offsets", "compliance", "backlash@joint2")
@@ -283,7 +294,8 @@ def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_commands_know_the_prior(tmp_path: Path) -> None:
+def test_the_commands_know_the_prior(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cross_validation, "MOST_REFITTED", 0)
     model, data = tmp_path / "map.toml", part_of_example(tmp_path, 90)
     said = stdout_of("fit", data, "--prior", "printed", "-o", model, "--json", tmp_path / "fit.json")
     assert "With the prior, and with typical sizes" in said

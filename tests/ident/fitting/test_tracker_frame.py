@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import fit
@@ -21,7 +22,7 @@ from lrm_math.model.equilibrium import measured_range, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, parameter_tables, range_table, to_model
 
-FRAMES = ("measurement_frame@frame", "frame_curve@frame")
+FRAMES = ("depth_scale@frame", "measurement_frame@frame", "frame_curve@frame")
 SCALE_X = "measurement_frame.frame.scale_x_mm_per_m"
 
 
@@ -42,6 +43,22 @@ def test_scale_and_shear_leave_the_centre_of_the_measured_points_in_place(lab: A
     moved = solve_equilibrium(model, poses).tcp - solve_equilibrium(model_of(lab, ()), poses).tcp
     assert np.abs(moved).max() > 1e-5
     np.testing.assert_allclose(moved.mean(axis=0), 0.0, atol=1e-12)
+
+
+@settings(max_examples=10)
+@given(scale=st.floats(-0.02, 0.02), azimuth=st.floats(-3.0, 3.0), elevation=st.floats(-1.5, 1.5))
+def test_depth_is_scaled_along_its_direction_and_nowhere_else(
+    lab: Arm, scale: float, azimuth: float, elevation: float
+) -> None:
+    plain = distorted(lab, "depth_scale@frame", 1)
+    model = plain.with_values(np.array([scale, azimuth, elevation]))
+    poses = poses_of(np.random.default_rng(2).uniform(-1.0, 0.5, (50, lab.dof)))
+    true = solve_equilibrium(model_of(lab, ()), poses).tcp
+    moved = solve_equilibrium(model, poses).tcp - true
+    along = Rotation.from_euler("yz", [-elevation, azimuth]).apply([1.0, 0.0, 0.0])
+    apart = true - true.mean(axis=0)
+    np.testing.assert_allclose(moved @ along, scale * apart @ along, atol=1e-10)
+    np.testing.assert_allclose(np.cross(moved, along), 0.0, atol=1e-10)
 
 
 @pytest.mark.parametrize("name", FRAMES)

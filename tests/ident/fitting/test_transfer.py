@@ -107,6 +107,7 @@ def test_another_arm_is_refused_with_the_value_that_differs() -> None:
         transferred(model, known, other, NOISE)
 
 
+@pytest.mark.long
 def test_few_poses_find_the_installation_and_the_error_is_as_expected() -> None:
     """Over arms that are as is known of them, the tip's error at 0, 3, 6, 12 poses is what was expected."""
     model, known = lab_model(2)
@@ -125,6 +126,7 @@ def test_few_poses_find_the_installation_and_the_error_is_as_expected() -> None:
     assert 0.5 * expected[FEW] < np.sqrt(np.mean(squares)) < 2.0 * expected[FEW]
 
 
+@pytest.mark.long
 def test_poses_are_chosen_where_the_model_is_known() -> None:
     model, known = lab_model(2)
     start = transferred(model, known, ROVER, NOISE)
@@ -132,6 +134,7 @@ def test_poses_are_chosen_where_the_model_is_known() -> None:
     assert not start.model.within.outside(installation_poses(start, FEW).q).any()
 
 
+@pytest.mark.long
 def test_a_fit_with_the_prior_of_an_earlier_one_keeps_its_noise_and_range() -> None:
     model, known = lab_model(3, "cable_curve@joint1+joint2")
     start = transferred(model, known, ROVER, NOISE)

@@ -49,6 +49,7 @@ def seen_by(truth: Model, count: int, seed: int) -> Measurements:
     return Measurements(poses, number, tcp, None, None, number, Path("made"), "", arm=truth.arm)
 
 
+@pytest.mark.long
 @settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 500))
 def test_the_estimate_is_the_mode_of_gaussians_and_cauchy_distributions(lab: Arm, seed: int) -> None:
@@ -100,6 +101,7 @@ def test_an_effect_far_beyond_its_typical_size_is_not_lost(lab: Arm) -> None:
     assert found.sigma < 1.2 * NOISE
 
 
+@pytest.mark.long
 def test_few_poses_are_enough(lab: Arm) -> None:
     """24 poses for 45 parameters: near the noise at fresh poses."""
     fresh = measured(3003, 300, 0.0)

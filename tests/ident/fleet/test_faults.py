@@ -18,7 +18,7 @@ from lrm_ident.fitting.executors import in_this_process
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.full_disk import full_disk
 
-WAIT_S, ARMS = 120.0, 4
+WAIT_S, ARMS = 120.0, 3
 Command = subprocess.Popen[str]
 
 
@@ -47,9 +47,9 @@ class Cluster:
 
 
 @pytest.fixture
-def four(manifest: Path) -> Path:
+def few(manifest: Path) -> Path:
     """The manifest's first arms."""
-    path = manifest.with_name("four.csv")
+    path = manifest.with_name("few.csv")
     path.write_text("\n".join(manifest.read_text().splitlines()[: ARMS + 1]) + "\n")
     return path
 
@@ -96,10 +96,10 @@ def assert_whole(out: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", [1], indirect=True)
-def test_a_scheduler_that_is_killed_and_started_again(four: Path, tmp_path: Path, cluster: Cluster) -> None:
+def test_a_scheduler_that_is_killed_and_started_again(few: Path, tmp_path: Path, cluster: Cluster) -> None:
     """The command ends with one line; started again, it computes what is missing."""
     out = tmp_path / "out"
-    first = begun(four, out, "--cluster", cluster.address)
+    first = begun(few, out, "--cluster", cluster.address)
     wait_for(lambda: bool(done(out)))
     cluster.scheduler.send_signal(signal.SIGKILL)
     code, _, stderr = ended(first)
@@ -109,17 +109,18 @@ def test_a_scheduler_that_is_killed_and_started_again(four: Path, tmp_path: Path
     assert len(before) < ARMS
     cluster.end()
     cluster.start()
-    code, _, stderr = ended(begun(four, out, "--cluster", cluster.address))
+    code, _, stderr = ended(begun(few, out, "--cluster", cluster.address))
     assert code == 0, stderr
     assert before.items() <= done(out).items()
     assert_whole(out)
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", [2], indirect=True)
-def test_a_worker_that_is_killed_in_the_middle(four: Path, tmp_path: Path, cluster: Cluster) -> None:
+def test_a_worker_that_is_killed_in_the_middle(few: Path, tmp_path: Path, cluster: Cluster) -> None:
     out = tmp_path / "out"
-    command = begun(four, out, "--cluster", cluster.address)
+    command = begun(few, out, "--cluster", cluster.address)
     wait_for(lambda: bool(done(out)))
     cluster.workers[0].send_signal(signal.SIGKILL)
     code, _, stderr = ended(command)
@@ -128,15 +129,15 @@ def test_a_worker_that_is_killed_in_the_middle(four: Path, tmp_path: Path, clust
 
 
 @pytest.mark.slow
-def test_a_full_disk(four: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In this process: no seconds of starting others."""
     monkeypatch.setattr("lrm_ident.cli.groups.fleet.executor_for", lambda *_, **__: in_this_process())
     out = tmp_path / "out"
     with full_disk(out, size=2_000_000, room=100_000) as make_room:
-        assert "cannot be written" in stderr_of("fleet", four, "-o", out)
+        assert "cannot be written" in stderr_of("fleet", few, "-o", out)
         before = done(out)
         assert len(before) < ARMS
         make_room()
-        stdout_of("fleet", four, "-o", out)
+        stdout_of("fleet", few, "-o", out)
         assert before.items() <= done(out).items()
         assert_whole(out)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,8 +25,11 @@ from lrm_math.model.model_file import ModelFile
 from lrm_math.model.step_name import REFIT, StepName
 from lrm_math.toml_file import read_toml
 from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
-from tests.support.browser import SHOTS, BrowserLog, axe_violations, chromium, with_axe
+from tests.support.browser import BrowserLog, axe_violations, chromium, shot, with_axe
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.sweep import soak
+
+pytestmark = pytest.mark.usefixtures("one_step_folds")
 
 
 def test_manifest_and_its_faults(tmp_path: Path) -> None:
@@ -54,12 +59,18 @@ def identified(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> tupl
         return out, stdout_of("fleet", manifest, "-o", out, "--json", out.with_name("fleet.json"))
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium."""
+    with chromium() as found:
+        yield found
+
+
 @pytest.mark.slow
-def test_the_page_in_a_browser(identified: tuple[Path, str]) -> None:
+def test_the_page_in_a_browser(browser: Any, identified: tuple[Path, str]) -> None:
     """Every figure is drawn; a click on an arm marks it, and another parameter shows who stands out."""
     seen = BrowserLog()
-    with chromium() as browser:
-        page = browser.new_page()
+    with browser.new_page() as page:
         seen.listen(page)
         page.goto((identified[0] / "fleet.html").as_uri())
         for figure in ("errors", "parameter"):
@@ -72,17 +83,15 @@ def test_the_page_in_a_browser(identified: tuple[Path, str]) -> None:
         page.select_option("#lrm-tag", "batch")
         page.select_option("#lrm-key", "offsets.joint1.theta_rad")
         assert "theta" in (page.text_content("#lrm-parameter .ytitle") or "")
-        SHOTS.mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=SHOTS / "fleet.png", full_page=True)
+        shot(page, "fleet.png", full_page=True)
     assert not seen.errors, seen.errors
     assert not seen.foreign("file:")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_page_fits_every_screen(identified: tuple[Path, str], scheme: str) -> None:
-    with chromium() as browser:
-        page = browser.new_page(color_scheme=scheme)
+@pytest.mark.parametrize("scheme", ["dark", *soak("light")])
+def test_the_page_fits_every_screen(browser: Any, identified: tuple[Path, str], scheme: str) -> None:
+    with browser.new_page(color_scheme=scheme) as page:
         for width in (390, 800, 1440):
             page.set_viewport_size({"width": width, "height": 900})
             page.goto((identified[0] / "fleet.html").as_uri())
@@ -92,24 +101,24 @@ def test_the_page_fits_every_screen(identified: tuple[Path, str], scheme: str) -
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
             mark = page.evaluate("document.querySelector('#lrm-parameter .annotation').getBoundingClientRect().right")
             assert mark <= page.evaluate("document.getElementById('lrm-parameter').getBoundingClientRect().right")
-            page.screenshot(path=SHOTS / f"fleet-{scheme}-{width}.png", full_page=True)
+            shot(page, f"fleet-{scheme}-{width}.png", full_page=True)
 
 
 @with_axe
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_on_the_page(identified: tuple[Path, str], scheme: str) -> None:
-    with chromium() as browser:
-        page = browser.new_page(color_scheme=scheme)
+def test_axe_finds_nothing_on_the_page(browser: Any, identified: tuple[Path, str], scheme: str) -> None:
+    with browser.new_page(color_scheme=scheme) as page:
         page.goto((identified[0] / "fleet.html").as_uri())
         page.wait_for_selector("#lrm-parameter .main-svg", state="attached")
         assert axe_violations(page) == []
 
 
 @pytest.mark.slow
-def test_on_paper_no_legend_lies_over_a_chart_and_the_screen_is_as_before(identified: tuple[Path, str]) -> None:
-    with chromium() as browser:
-        page = browser.new_page(color_scheme="dark", viewport={"width": 390, "height": 844})
+def test_on_paper_no_legend_lies_over_a_chart_and_the_screen_is_as_before(
+    browser: Any, identified: tuple[Path, str]
+) -> None:
+    with browser.new_page(color_scheme="dark", viewport={"width": 390, "height": 844}) as page:
         page.goto((identified[0] / "fleet.html").as_uri())
         page.select_option("#lrm-tag", "batch")
         page.wait_for_selector("#lrm-parameter .main-svg", state="attached")
@@ -197,6 +206,7 @@ def test_a_broken_arm_is_a_reason(manifest: Path, tmp_path: Path) -> None:
     assert record.reason.startswith("arm0.csv: ")
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_a_cluster_of_two_workers_finds_the_same_bit_for_bit(manifest: Path, tmp_path: Path, two_workers: str) -> None:
     members = read_manifest(manifest)[:2]

@@ -105,6 +105,7 @@ def test_isaac_lab_needs_a_motion_model_and_a_known_stiffness(tmp_path: Path) ->
     assert not path.exists()
 
 
+@pytest.mark.long
 def test_variants_are_as_far_apart_as_the_fit_leaves_open(tmp_path: Path) -> None:
     key, omega = "servo_response.joint5.frequency_Hz", 2.0 * np.pi * FREQUENCY
     open_ = replace(motion(), sigma={key: 0.1})

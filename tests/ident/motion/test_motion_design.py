@@ -41,6 +41,7 @@ def design() -> MotionDesign:
     return motion_design(task())
 
 
+@pytest.mark.long
 def test_moves_and_ways_keep_limits_speed_and_table(design: MotionDesign) -> None:
     sequence = design.sequence
     low, high = np.array([(joint.lower, joint.upper) for joint in SO101.joints]).T

@@ -32,6 +32,8 @@ from lrm_math.motion.effects import (
 from lrm_math.motion.motion_model import load_motion
 from tests.ident.motion.arm_in_motion import FPS, JOINT, recording
 
+pytestmark = pytest.mark.long
+
 ARM = load_arm("so101")
 FEW = (ServoResponse, RestOffset, DeadTime, SpeedLimit, CoulombFriction, MotionPlay)
 

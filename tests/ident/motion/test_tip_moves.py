@@ -28,8 +28,7 @@ from lrm_math.model.model import model_of
 from lrm_math.motion.effects import RestOffset, ServoResponse, Swing
 from lrm_math.motion.motion_model import load_motion
 from lrmd.sim.swing import inertia
-from tests.conftest import EXAMPLE
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import stderr_of
 
 ARM = load_arm("lrm-rover")
 CLOCK_S, NOISE, SPEED, SERVO_S = 321.7, 2e-4, 0.5, 0.04
@@ -40,10 +39,10 @@ HZ, RATIO = 4.0, 0.05
 
 @cache
 def recorded() -> tuple[CommandLog, TipTrack]:
-    """50 s in which joint 1 goes here and there, its servo with first-order lag, its link on a spring."""
+    """30 s in which joint 1 goes here and there, its servo with first-order lag, its link on a spring."""
     rng, h = np.random.default_rng(1), 0.001
     told, q = [], 0.0
-    while len(told) * h < 50.0:
+    while len(told) * h < 30.0:
         goal = rng.uniform(-0.9, 0.9)
         way = np.arange(1, int(abs(goal - q) / SPEED / h) + 2) * SPEED * h
         told += [*(q + np.sign(goal - q) * np.minimum(way, abs(goal - q))), *([goal] * int(rng.uniform(0.8, 1.4) / h))]
@@ -93,6 +92,7 @@ def mean_hz() -> float:
     return float(HZ * np.sqrt(inertia(chain, POSTURE, 0.0)[0, 0] / mean))
 
 
+@pytest.mark.long
 def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> None:
     start = study()
     own = start.add("swing@joint1")
@@ -107,6 +107,7 @@ def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> Non
         assert document.json()
 
 
+@pytest.mark.long
 def test_the_picture_of_a_tip_names_what_was_tracked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
 
@@ -138,7 +139,8 @@ def test_another_motion_is_refused_in_one_line() -> None:
         tip_moves(log, other, model_of(ARM, ()))
 
 
-def test_one_mcap_file_has_commands_and_tip(tmp_path: Path) -> None:
+@pytest.mark.long
+def test_one_mcap_file_has_commands_and_tip(tmp_path: Path, example_model: Path) -> None:
     log, track = recorded()
     path = tmp_path / "drive.mcap"
     write_mcap(path, log, track)
@@ -152,9 +154,7 @@ def test_one_mcap_file_has_commands_and_tip(tmp_path: Path) -> None:
         MotionSource(path, topic="/arm").moves(ARM)
     command = ("motion", "fit", path, "--arm", "lrm-rover", "-o", tmp_path / "motion.toml")
     assert "no joint states in /arm" in stderr_of(*command, "--topic", "/arm")
-    rest = tmp_path / "rest.toml"
-    stdout_of("fit", EXAMPLE, "-o", rest)
-    assert "is a model of lrm-lab" in stderr_of(*command, "--rest", rest)
+    assert "is a model of lrm-lab" in stderr_of(*command, "--rest", example_model)
     with pytest.raises(UnknownName, match="hand"):
         MotionSource(path, tool="hand").moves(ARM)
 

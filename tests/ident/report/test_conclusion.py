@@ -9,7 +9,7 @@ import pytest
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP
+from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP, DiagnosisReport
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
@@ -18,11 +18,7 @@ from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 
-
-@pytest.fixture(scope="module")
-def fitted() -> Study:
-    """The shipped example, fitted."""
-    return lrm.Study.of(lrm.load(EXAMPLE)).fit()
+pytestmark = pytest.mark.long
 
 
 @pytest.mark.parametrize("verdict", HEADLINES)
@@ -30,8 +26,8 @@ def test_the_docs_quote_every_headline(verdict: Verdict) -> None:
     assert f"| {HEADLINES[verdict]} (`{verdict}`)" in (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
 
 
-def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
-    found = conclude(fitted.diagnose())
+def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: DiagnosisReport) -> None:
+    found = conclude(example_diagnosis)
     facts = dict(found.facts)
     assert found.headline == "Missing from the model: backlash in joint 2 (backlash@joint2)"
     assert facts["certainty"].startswith("identified: every other known cause leaves ≈ 1.4")
@@ -42,8 +38,8 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
     assert not found.reasons
 
 
-def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
-    found = conclude(fitted.add("backlash@joint2").diagnose())
+def test_without_a_missing_effect_the_noise_is_the_reason(example_study: Study) -> None:
+    found = conclude(example_study.add("backlash@joint2").diagnose())
     assert found.headline == "Backlash in joint 2 is in the model; no systematic error is left."
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
@@ -67,18 +63,18 @@ def test_every_verdict_has_a_headline_and_a_next_step() -> None:
 
 
 def test_the_advised_command_runs_as_it_is_printed(
-    fitted: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    example_study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    fitted.save(tmp_path / "model.toml")
+    example_study.save(tmp_path / "model.toml")
     said = stdout_of("diagnose", tmp_path / "model.toml", EXAMPLE)
     (advised,) = (line for line in said.splitlines() if line.startswith("Next: "))
     stdout_of(*shlex.split(advised.removeprefix("Next: lrm-ident ")))
     assert (tmp_path / "better.toml").exists()
 
 
-def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(fitted: Study) -> None:
-    document = diagnosis_document(fitted.diagnose())
+def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(example_diagnosis: DiagnosisReport) -> None:
+    document = diagnosis_document(example_diagnosis)
     for in_full in (False, True):
         said = [str(block) for block in document.printed(in_full)]
         assert sum("±: standard error" in words for words in said) == 1
@@ -92,8 +88,8 @@ def test_a_fit_compares_its_error_with_the_noise_of_the_measurement(tmp_path: Pa
     assert "as deployed" not in said, "the arm gets the same error"
 
 
-def test_terminal_and_page_show_the_same_lines(fitted: Study) -> None:
-    document = diagnosis_document(fitted.diagnose())
+def test_terminal_and_page_show_the_same_lines(example_diagnosis: DiagnosisReport) -> None:
+    document = diagnosis_document(example_diagnosis)
     html = blocks_html(document.whole)
     concluded = document.values["conclusion"]
     assert concluded.headline in html  # type: ignore[attr-defined]

@@ -17,6 +17,7 @@ STEPS = ("0_nominal", "1_fit", "2_add_servo_gain@joint3")
 reader = pytest.importorskip("mcap.reader", reason="mcap is not installed (lrm-arm[mcap])")
 
 
+@pytest.mark.long
 def test_arm_and_arrows_of_every_pose_are_read_back(tmp_path: Path) -> None:
     data, model, file = part_of_example(tmp_path, 60), tmp_path / "model.toml", tmp_path / "scene.mcap"
     assert run_command("fit", data, "-o", tmp_path / "fitted.toml")[0] == 0

@@ -88,6 +88,7 @@ def test_errors_of_the_fit_where_some_are_not_held_out(file: ModelFile) -> None:
     assert story_of_file(file_of(step("fit", 4.6, 4.8))) is None, "an older file does not know the nominal arm's error"
 
 
+@pytest.mark.long
 def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     figure = draw_story(told(file), tmp_path / "story.png")

@@ -169,6 +169,7 @@ def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named()
     assert found.error.rms < 1.2 * NOISE * np.sqrt(3.0)
 
 
+@pytest.mark.long
 @settings(max_examples=5)
 @given(st.integers(0, 10_000), st.integers(0, 3))
 def test_a_law_of_the_direction_of_approach_is_predicted_and_is_named(seed: int, joint: int) -> None:
@@ -213,6 +214,7 @@ def test_no_regime_in_noise() -> None:
         assert find_regimes(data, (noise**2).sum(axis=1)) == ()
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
 def test_studentised_squares_of_noise_do_not_depend_on_leverage(seed: int) -> None:

@@ -136,6 +136,7 @@ def test_poses_are_read_by_the_name_of_their_arm(tmp_path: Path) -> None:
     assert np.degrees(lrm.load_poses(table, "two-joint").q) == pytest.approx(np.array([[10.0, 20.0]]))
 
 
+@pytest.mark.long
 def test_an_unfitted_study_is_diagnosed_as_it_is_and_its_first_candidate_added(data: Measurements) -> None:
     study = lrm.Study.of(data.take(np.arange(0, len(data), 3)), "offsets")
     first = study.diagnose().first
@@ -173,6 +174,7 @@ def test_a_message_without_options_of_a_reading_has_no_note() -> None:
     assert not hasattr(caught.value, "__notes__")
 
 
+@pytest.mark.long
 def test_advice_that_is_followed_reads_the_file(tmp_path: Path, data: Measurements) -> None:
     header, *rows = lrm.EXAMPLE.read_text(encoding="utf-8").splitlines()
     columns = header.split(",")

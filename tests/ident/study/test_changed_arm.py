@@ -18,6 +18,8 @@ from lrm_math.errors import FileError
 from tests.support.commands import run_command, stdout_of
 from validation.misreadings import random_arm_data
 
+pytestmark = pytest.mark.long
+
 SAID = "is not as it was when the model was fitted: links, tool or masses differ"
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 import tomli_w
 
 import lrm_ident as lrm
 from lrm_ident.study.model_history import model_text
 from lrm_math.model.model_file import ModelFile, as_tables
 from lrm_math.toml_file import read_toml
-from tests.conftest import EXAMPLE
+
+pytestmark = pytest.mark.long
 
 
-def test_a_model_file_is_short_and_older_files_read_the_same(tmp_path: Path) -> None:
-    file = lrm.Study.of(lrm.load(EXAMPLE)).fit().file
+def test_a_model_file_is_short_and_older_files_read_the_same(tmp_path: Path, example_study: lrm.Study) -> None:
+    file = example_study.file
     long, short = tmp_path / "long.toml", tmp_path / "short.toml"
     long.write_text(tomli_w.dumps(as_tables(file)))
     short.write_text(model_text(file))

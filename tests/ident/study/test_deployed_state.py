@@ -49,7 +49,13 @@ def fitted(data: Measurements, *names: str) -> Study:
     """The study of these data with effects of a session."""
     effects = ("offsets@joint1", "compliance@joint2", *names)
     keys = [key for name in effects for key in effects_at(load_arm(ARM), name)[0].keys if "extra_z" not in key]
-    wanted = [key for key in keys if not key.endswith(("_per_K", "T_s")) and "alpha" not in key and "step3" not in key]
+    wanted = [
+        key
+        for key in keys
+        if not key.endswith(("_per_K", "T_s", "stood_s", "rest_s", "late_s_per_s"))
+        and "alpha" not in key
+        and "step3" not in key
+    ]
     wanted = [key for key in wanted if not key.endswith(("step4_rad", "step5_rad", "step6_rad", ".d_mm", ".a_mm"))]
     return Study.of(data, effects).fit(wanted)
 
@@ -89,6 +95,7 @@ def test_both_errors_are_shown_and_apart() -> None:
     assert entry.deployed_rms_mm == pytest.approx(1e3 * deployed.now.rms)
 
 
+@pytest.mark.long
 def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tmp_path: Path) -> None:
     """Cold and warm poses count alike, as the daemon predicts them; where the time is not known is said beside it."""
     data = measured({"drift.joint1.A_rad": 0.05})
@@ -136,6 +143,18 @@ def test_a_drift_with_temperature_follows_it_only_where_it_is_known() -> None:
     assert not any(of_a_session(effect) for effect in as_deployed_at(model, replace(pose, t=t)).effects)
 
 
+def test_what_remembers_leaves_its_mean_where_its_end_predicts_no_better() -> None:
+    """Creep that forgets in a minute: the last pose says nothing of later ones."""
+    creep = "creep@joint2"
+    model = replace(world({}), effects=(*world({}).effects, *effects_at(load_arm(ARM), creep)))
+    model = model_of(model.arm, model.effects, {"creep.joint2.k_rad_per_Nm": 0.05, "creep.joint2.T_s": 60.0})
+    data = measured({})
+    tcp = solve_equilibrium(model, data.poses).tcp + np.random.default_rng(4).normal(0.0, NOISE, (COUNT, 3))
+    state = fitted(replace(data, tcp=tcp), creep).model.state
+    assert state is not None
+    assert state.carried == {creep: "mean"}
+
+
 def test_without_an_order_the_mean_is_deployed() -> None:
     """Nobody knows which pose was the last; every pose is then one of its state."""
     data = measured({"session.joint1.step2_rad": 0.04}, numbered=False)
@@ -155,6 +174,7 @@ def test_a_model_of_lasting_effects_has_one_error() -> None:
     assert study.held_out.deployed.now.rms == study.held_out.error.rms
 
 
+@pytest.mark.long
 def test_the_state_is_in_every_file_that_leaves(tmp_path: Path) -> None:
     """A prediction at other poses and an exported robot file have the zero of the warm arm."""
     data = measured({"drift.joint1.A_rad": 0.05})

@@ -22,6 +22,8 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.support.sweep import seeds
 
+pytestmark = pytest.mark.long
+
 ARM, NOISE, COUNT, WIDEST = load_arm("two-joint"), 3e-4, 70, 1.4
 
 
@@ -55,7 +57,7 @@ def _rms(error: Array) -> float:
     return error_stats(error).rms
 
 
-@settings(max_examples=12)
+@settings(max_examples=5)
 @given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
 def test_a_field_is_added_where_it_predicts_better_and_nowhere_else(seed: int, size: float) -> None:
     """Added, it does not predict new poses worse; where it takes a third of the error, it is seen to predict better.

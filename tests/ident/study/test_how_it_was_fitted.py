@@ -17,6 +17,8 @@ from lrm_math.model.model_file import ProvenanceTable
 from tests.support.commands import run_command, stdout_of
 from validation.misreadings import random_arm_data
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
+
 LEFT_OUT, WRONG = [7, 20, 21], 33
 SAID = "loss huber; 3 poses left out: 7, 20, 21"
 

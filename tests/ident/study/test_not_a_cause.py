@@ -51,6 +51,7 @@ def test_the_catalogue_decides(kind: type) -> None:
         assert (NOT_A_CAUSE in words) is not kind.names_a_cause
 
 
+@pytest.mark.long
 def test_the_model_file_says_it_and_reads_the_same(study: Study, file: Path) -> None:
     assert f"# residual_field ({NOT_A_CAUSE})" in file.read_text().splitlines()
     assert study.file.history[-1].name == StepName(ADD, "residual_field@tool")
@@ -78,6 +79,7 @@ def test_the_list_of_effects_says_it() -> None:
     assert marked("residual_field") in stdout_of("effects")
 
 
+@pytest.mark.long
 def test_compare_says_it_and_where_it_speaks(study: Study) -> None:
     found = study.compare()
     assert found.speaks is not None
@@ -95,6 +97,7 @@ def test_compare_says_it_and_where_it_speaks(study: Study) -> None:
     assert "field" not in comparison_document(plain).values
 
 
+@pytest.mark.long
 def test_poses_beyond_its_range_are_told(file: Path) -> None:
     """Reads the model from its file, on other data."""
     far = measured(5, 0.0)

@@ -29,6 +29,8 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import HistoryTable, ModelFile, ProvenanceTable, parameter_tables
 from tests.support.commands import run_command, stdout_of
 
+pytestmark = pytest.mark.long
+
 ARM, COUNT, NAME = "two-joint", 12, "data.csv"
 HERE = "0" * 64
 LASTING = ("offsets@joint1", "compliance@joint2")

@@ -67,6 +67,7 @@ def test_the_recipe_of_the_docs_finds_what_it_hides(
     assert sentence in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_measurements_studies_and_fits_say_in_a_line_what_they_are() -> None:
     data = lrm.load(lrm.EXAMPLE)
     begun = lrm.Study.of(data)
@@ -95,6 +96,7 @@ def test_a_signature_names_the_catalogue_and_does_not_list_it() -> None:
     assert " = CATALOGUE, " in str(inspect.signature(lrm.Study.of))
 
 
+@pytest.mark.long
 def test_a_notebook_shows_what_a_step_left_out_below_the_steps() -> None:
     study = replace(lrm.Study.of(lrm.load(lrm.EXAMPLE)).fit("option3"), notices=("outliers, left out: pose 7",))
     assert "<p>outliers, left out: pose 7</p>" in study._repr_html_()

@@ -66,6 +66,7 @@ def test_its_file_holds_no_more_than_a_hundred_numbers_of_it(with_field: Study, 
     assert "residual_field" in (tmp_path / "model.toml").read_text()
 
 
+@pytest.mark.long
 def test_the_causes_keep_their_values_and_diagnosis_does_not_see_it(fitted: Study, with_field: Study) -> None:
     causes = named_part(with_field.model)
     np.testing.assert_allclose(causes.values, fitted.model.values, atol=1e-6)
@@ -76,6 +77,7 @@ def test_the_causes_keep_their_values_and_diagnosis_does_not_see_it(fitted: Stud
     assert with_field.undo().model.free == fitted.model.free
 
 
+@pytest.mark.long
 def test_added_twice_it_is_fitted_anew() -> None:
     once = Study.of(world(1, 3e-3, 70)).fit().add_field()
     again = once.add_field()
@@ -95,6 +97,7 @@ def test_poses_without_a_position_are_refused(fitted: Study) -> None:
         replace(fitted, data=replace(fitted.data, tcp=tcp)).add_field()
 
 
+@pytest.mark.long
 def test_half_of_the_joint_space_says_nothing_of_the_other(fitted: Study) -> None:
     """Learned where joint 1 is negative, it leaves the poses far on the other side as they are."""
     data, left = fitted.data, fitted.data.position_error(solve_equilibrium(fitted.model, fitted.data.poses))
@@ -122,6 +125,7 @@ def by_command(real: Measurements, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder / "field.toml", " ".join(stdout_of(*words, "--all").split())
 
 
+@pytest.mark.long
 def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[Path, str]) -> None:
     read = read_study(by_command[0], real.path)
     before, after = (entry.held_out_rms_mm for entry in read.file.history)
@@ -132,6 +136,7 @@ def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[
     assert read.held_out.error.rms * 1e3 == pytest.approx(after, rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_command_says_that_it_is_no_cause(real: Measurements, by_command: tuple[Path, str]) -> None:
     file, out = by_command
     assert WHAT_IT_IS in out

@@ -72,3 +72,25 @@ def test_a_curve_of_its_own_angle_alone_holds_beyond(lab: Arm) -> None:
     before, after = fitted(lab, data)
     assert reversion(after) is None
     assert rms(after, beyond) < 0.5 * rms(before, beyond)
+
+
+def test_a_wave_whose_form_is_wrong_ends_with_the_range_of_its_joint(lab: Arm) -> None:
+    """A wave with a strong harmonic, seen in half a range: its period is measured wrongly, and a curve corrects it."""
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-1.4, 1.4, (150, lab.dof))
+    q[:, 2] = rng.uniform(-1.4, 0.0, len(q))
+    true = q.copy()
+    true[:, 2] += 0.008 * (np.sin(4.0 * q[:, 2]) + 0.5 * np.cos(8.0 * q[:, 2]))
+    tcp = solve_equilibrium(model_of(lab, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(len(q), 3))
+    number = np.arange(1, len(q) + 1)
+    data = Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("wave.csv"), "", arm=lab)
+    plain = model_of(lab, [e for name in ("offsets", "compliance") for e in effects_at(lab, name)])
+    wave = add_effects(
+        fit_identifiable(plain, data, plain.keys).fit.model, data, effects_at(lab, "gear_ripple@joint3")
+    ).model
+    assert reversion(wave) is None, "a law alone holds everywhere"
+    found = reversion(add_effects(wave, data, effects_at(lab, "angle_curve@joint3")).model)
+    assert found is not None
+    assert set(found.terms) == {"gear_ripple@joint3", "angle_curve@joint3"}
+    assert list(found.limiting) == [2]
+    assert found.limiting[2] == (q[:, 2].min(), q[:, 2].max())

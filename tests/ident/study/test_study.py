@@ -21,6 +21,7 @@ from tests.support.commands import run_command, stdout_of
 from tests.support.source_files import files, imported_names
 from validation.misreadings import random_arm_data
 
+pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 LEFT_OUT, WRONG = [7, 20, 21], 33
 OWN_EFFECT = '''
 from lrm_math.effects.backlash import Backlash

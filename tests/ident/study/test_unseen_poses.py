@@ -14,6 +14,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.study.study import Study
 
+pytestmark = pytest.mark.long
+
 SPRINGS = "compliance.joint*.k_rad_per_Nm"
 Train = Callable[[Measurements], Fit | Study]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, RunningWorkbench, axe_violations, idle, opened, press, says, wait_for, with_axe
+from tests.support.browser import RunningWorkbench, axe_violations, idle, opened, press, says, shot, wait_for, with_axe
 
 SIZE, WIDTHS = {"width": 1280, "height": 900}, (390, 1440)
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -24,7 +24,7 @@ def faults(page: Any, name: str, turn: Callable[[], object]) -> list[tuple[objec
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
             page.wait_for_timeout(SETTLED_MS)
-            page.screenshot(path=SHOTS / f"axe-{name}-{theme}-{width}.png")
+            shot(page, f"axe-{name}-{theme}-{width}.png")
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, width)
             found += [(name, theme, width, *fault) for fault in axe_violations(page)]
         turn()

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import lrm_ident as lrm
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 from validation import synthetic
@@ -16,13 +17,13 @@ STEPS = ("backlash@joint2", "eccentricity@joint5")
 
 
 @pytest.fixture(scope="module")
-def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stepped(example_study: lrm.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model file with two steps after the fit."""
-    folder = tmp_path_factory.mktemp("stepped")
-    stdout_of("fit", EXAMPLE, "-o", folder / "0.toml")
-    for number, effect in enumerate(STEPS):
-        stdout_of("add", folder / f"{number}.toml", EXAMPLE, effect, "-o", folder / f"{number + 1}.toml")
-    return folder / "2.toml"
+    study, path = example_study, tmp_path_factory.mktemp("stepped") / "2.toml"
+    for effect in STEPS:
+        study = study.add(effect)
+    study.save(path)
+    return path
 
 
 def cards(browser: Any, model: Path, text: str) -> list[str]:

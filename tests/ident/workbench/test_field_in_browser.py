@@ -13,7 +13,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.workbench.tab.command_bar import ADD_FIELD
 from lrm_ident.workbench.work.tasks import FIELD
 from lrm_math.effects import FIELDS, NOT_A_CAUSE, marked
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, wait_for, workbench
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, wait_for, workbench
 from validation.nameless_arm import measured
 
 SIZE = {"width": 1280, "height": 800}
@@ -61,7 +61,7 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     assert NOT_A_CAUSE in card.lower()
     assert FIELD not in page.evaluate("lrm.state.values.ranking.map((one) => one.effect)")
     assert marked(FIELD) in page.text_content(".lrm-numbers")
-    page.screenshot(path=SHOTS / "field.png")
+    shot(page, "field.png")
     press(page, "commands")
     assert f" {FIELD} -o " in page.inner_text("#lrm-commands")
     page.keyboard.press("Escape")

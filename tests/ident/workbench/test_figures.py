@@ -15,10 +15,7 @@ from hypothesis import strategies as st
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.fitting.loss import SQUARED
-from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, blocks_html, heading
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.plain_names import WORDS, plain_name
@@ -56,6 +53,7 @@ def test_the_arrow_scale_is_round_and_bounded(error: float, spread: float) -> No
     assert scale.largest > 0
 
 
+@pytest.mark.long
 def test_scale_and_steps_of_the_error_field(data: Measurements) -> None:
     assert data.arm is not None
     nominal, fitted = nominal_model(data.arm), lrm.fit(data).model
@@ -83,10 +81,8 @@ def field_tcp(data: Measurements) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> None:
-    assert data.arm is not None
-    model = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit.model
-    report = build_report(diagnose(model, data))
+def test_the_form_of_the_hidden_play_lies_on_the_data(example_diagnosis: lrm.DiagnosisReport) -> None:
+    report = example_diagnosis
     fitted, seen = report.diagnosis.screened_subset
     known = covariates(seen, fitted.equilibrium.joint_torque)
     assert report.first is not None
@@ -100,9 +96,8 @@ def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> Non
 
 
 @pytest.mark.slow
-def test_a_report_is_one_small_file_that_asks_nothing_of_the_network(tmp_path: Path) -> None:
-    stdout_of("fit", EXAMPLE, "-o", tmp_path / "m.toml")
-    stdout_of("report", tmp_path / "m.toml", EXAMPLE, "-o", tmp_path / "r.html", "--json", tmp_path / "r.json")
+def test_a_report_is_one_small_file_that_asks_nothing_of_the_network(tmp_path: Path, example_model: Path) -> None:
+    stdout_of("report", example_model, EXAMPLE, "-o", tmp_path / "r.html", "--json", tmp_path / "r.json")
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert len(text) < 6e6
     page = text.split("<script>/**")[0]
@@ -112,18 +107,18 @@ def test_a_report_is_one_small_file_that_asks_nothing_of_the_network(tmp_path: P
 
 
 @pytest.mark.slow
-def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(tmp_path: Path) -> None:
-    first, second, page = tmp_path / "m.toml", tmp_path / "n.toml", tmp_path / "r.html"
-    stdout_of("fit", EXAMPLE, "-o", first)
-    stdout_of("add", first, EXAMPLE, "backlash@joint2", "-o", second)
-    stdout_of("report", first, EXAMPLE, "-o", page)
-    ranking = {one["name"]: one for one in _values_of(page)["ranking"]}
+def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
+    tmp_path: Path, example_study: lrm.Study, example_diagnosis: lrm.DiagnosisReport, example_model: Path
+) -> None:
+    bare, second, page = tmp_path / "bare.toml", tmp_path / "n.toml", tmp_path / "r.html"
+    example_study.add("backlash@joint2").save(second)
+    drawn = figure_values(with_diagnosis(quick_report(example_study), example_diagnosis))
+    ranking = {one["name"]: one for one in drawn["ranking"]}
     assert ranking["backlash@joint2"]["standing"] == "supported"
     assert ranking["torque_curve@joint2"]["mark"] == "◌ imitates the first, with more parameters"
     assert ranking["nonlinear_stiffness@joint2"]["standing"] == "partly"
     assert ranking["backlash@joint2"]["gain"] > 2.0 > ranking["nonlinear_stiffness@joint2"]["gain"] > 1.0
-    bare = first.with_name("bare.toml")
-    bare.write_text(first.read_text().split("[[history]]")[0])
+    bare.write_text(example_model.read_text().split("[[history]]")[0])
     stdout_of("report", bare, EXAMPLE, "-o", page)
     alone = _values_of(page)
     assert alone["history"] == []

@@ -18,6 +18,8 @@ WIDTHS = (1440, 1024, 390)
 EFFECTS = ("backlash@joint2", "cable_curve@joint1+joint2", "hysteresis@joint3", "base_curve@base")
 """Of one joint, of two, of a direction, of the base."""
 
+NO_WIDER = "document.documentElement.scrollWidth <= innerWidth"
+FIELD = "(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)"
 PLACES = """(() => {
   const [head, framed, card] = ["header.lrm-head", ".lrm-toured", ".lrm-tour"].map((one) =>
     document.querySelector(one).getBoundingClientRect());
@@ -42,20 +44,18 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_a_report_of_four_steps_at_three_widths(browser: Any, report: Path) -> None:
     """The axis is that of the effect's law, before and after are seen to differ, every step has a sketch."""
+    page = browser.new_context(viewport={"width": 1440, "height": 844}, color_scheme="light").new_page()
     for width in WIDTHS:
-        page = browser.new_context(viewport={"width": width, "height": 844}, color_scheme="light").new_page()
+        page.set_viewport_size({"width": width, "height": 844})
         page.goto(report.as_uri())
         page.wait_for_selector("#lrm-card-4 .main-svg", state="attached")
         page.wait_for_timeout(SETTLED_MS)
         assert faults_of_geometry(page) == [], width
+        assert page.evaluate(NO_WIDER), width
         if width == min(WIDTHS):
             bottom = "document.querySelector('{}').getBoundingClientRect()"
             assert page.evaluate(f"{bottom.format('#lrm-verdict')}.bottom < innerHeight / 2"), "the sentence is seen"
             assert page.evaluate(f"{bottom.format('#lrm-field canvas')}.top < 0.75 * innerHeight"), "the arm is seen"
-        page.context.close()
-    page = browser.new_context(viewport={"width": 1440, "height": 844}).new_page()
-    page.goto(report.as_uri())
-    page.wait_for_selector("#lrm-card-4 .main-svg", state="attached")
     drivers = dict(page.evaluate("lrm.state.values.cards.map((one) => [one.name, one.driver])"))
     assert drivers["backlash@joint2"] == "torque of joint 2"
     assert drivers["hysteresis@joint3"] == "last motion of joint 3"
@@ -73,6 +73,8 @@ def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: Run
         idle(page, RANKED)
         page.wait_for_timeout(SETTLED_MS)
         assert faults_of_geometry(page) == [], width
+        assert page.evaluate(NO_WIDER), width
+        assert min(page.evaluate(FIELD)) > 240, "the field is squeezed"
         press(page, "tour")
         for _ in range(6):
             page.wait_for_timeout(200)

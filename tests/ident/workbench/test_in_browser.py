@@ -12,13 +12,13 @@ import pytest
 
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
-    SHOTS,
     BrowserLog,
     RunningWorkbench,
     idle,
     opened,
     press,
     says,
+    shot,
     unfold,
     wait_for,
     workbench,
@@ -49,6 +49,15 @@ def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield found
 
 
+@pytest.fixture(scope="module")
+def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """One of its own, in which a test leaves a step."""
+    assert browser
+    folder = tmp_path_factory.mktemp("own")
+    with workbench(part_of_example(folder), cwd=folder) as found:
+        yield found
+
+
 @pytest.mark.slow
 def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: RunningWorkbench) -> None:
     seen = BrowserLog()
@@ -61,7 +70,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     first = page.inner_text('.lrm-candidate[aria-checked="true"]')
     assert "backlash@joint2" in first
     assert "Missing from the model: backlash in joint 2" in page.inner_text("#lrm-verdict")
-    page.screenshot(path=SHOTS / "before.png")
+    shot(page, "before.png")
     arrows, history = page.evaluate(ARROWS), page.evaluate("lrm.state.values.history[0].held")
     page.click("[data-name=add]")
     wait_for(page, TWO_STEPS)
@@ -69,11 +78,11 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     assert page.evaluate(ARROWS) < 0.3 * arrows
     idle(page, RANKED)
     assert "no systematic error is left" in page.inner_text("#lrm-verdict")
-    page.screenshot(path=SHOTS / "after.png")
+    shot(page, "after.png")
     unfold(page)
     page.select_option("#lrm-beside", "0")
     page.wait_for_timeout(1500)
-    page.screenshot(path=SHOTS / "side-by-side.png")
+    shot(page, "side-by-side.png")
     page.select_option("#lrm-beside", "")
     page.keyboard.press("u")
     wait_for(page, ONE_STEP)
@@ -84,7 +93,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     seen.listen(report)
     report.wait_for_selector("#lrm-field canvas")
     assert "Missing from the model: backlash in joint 2" in report.inner_text("#lrm-verdict")
-    report.pdf(path=SHOTS / "report.pdf")
+    report.pdf()  # it draws what is folded
     for figure in ("turn", "form", "added"):
         assert report.query_selector(f"#lrm-{figure} .main-svg"), f"{figure} is not on paper"
     page.context.close()
@@ -98,7 +107,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     dark = opened(browser, running, SIZE, scheme="dark")
     wait_for(dark, RANKED)
     dark.wait_for_timeout(1500)
-    dark.screenshot(path=SHOTS / "dark.png")
+    shot(dark, "dark.png")
     assert dark.evaluate("document.documentElement.dataset.theme") == "dark"
     fits = "document.documentElement.scrollWidth <= innerWidth && "
     fits += "[...document.querySelectorAll('.lrm-head [data-name]')].every("
@@ -128,7 +137,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     tablet.wait_for_timeout(1500)
     assert "another tab" not in tablet.inner_text("#lrm-failure")
     assert tablet.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    tablet.screenshot(path=SHOTS / "tablet.png")
+    shot(tablet, "tablet.png")
     tablet.context.close()
 
 
@@ -187,7 +196,7 @@ def test_auto_is_cancelled_and_a_law_is_proposed(browser: Any, small: RunningWor
     says(page, "#lrm-work", "law")
     page.wait_for_selector("#lrm-law")
     assert "laws were tried" in page.inner_text("#lrm-law")
-    page.screenshot(path=SHOTS / "law.png")
+    shot(page, "law.png")
     page.click("[data-name=close-law]")
     page.context.close()
 
@@ -210,7 +219,7 @@ def test_second_tab_bad_files_and_a_tab_closed_in_the_middle(
         says(page, "#lrm-failure", path.stem)
         assert "dropped-" not in page.inner_text("#lrm-failure"), "the file has the name that it came with"
     assert page.evaluate("lrm.state.values.steps.length") == 1
-    page.screenshot(path=SHOTS / "bad-file.png")
+    shot(page, "bad-file.png")
     second.close()
     idle(page, RANKED)
     page.click("[data-name=add]")
@@ -256,5 +265,5 @@ def test_a_growing_file_is_followed_and_a_stopped_server_is_told(browser: Any, t
         stopped.stop()
         wait_for(page, "!document.getElementById('lrm-banner').hidden")
         assert str(stopped.folder) in page.inner_text("#lrm-banner")
-        page.screenshot(path=SHOTS / "stopped.png")
+        shot(page, "stopped.png")
         page.context.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,13 @@ def test_a_prediction_and_what_it_leaves_add_up_to_the_reading() -> None:
         for name, left in zip(("before", "after"), move["left"], strict=True):
             total = np.array(move[name]) + np.array(left)
             np.testing.assert_allclose(total, move["read"], atol=2.1e-3)
+
+
+def test_no_table_stands_twice() -> None:
+    page = motion_page(*both(), "better.toml")
+    heads = re.findall(r"<thead>.*?</thead>", page, re.DOTALL)
+    assert len(heads) == 3  # effects, errors, parameters
+    assert len({*heads}) == len(heads)
 
 
 def opened_page(browser: Any, tmp_path: Path) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from lrm_ident.workbench.work.next_poses import rival_pairs
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for, workbench
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for, workbench
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
@@ -28,7 +28,7 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     unfold(page)
     words = page.inner_text("#lrm-next-poses")
     assert "Cosine between the motions of backlash in joint 2 and " in words
-    page.screenshot(path=SHOTS / "next-poses.png")
+    shot(page, "next-poses.png")
     with page.expect_download() as download:
         page.get_by_role("button", name="Download CSV").click()
     assert download.value.suggested_filename.endswith("-next.csv")
@@ -57,7 +57,7 @@ def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: An
         page.wait_for_selector("#lrm-next-poses [role=alert]")
         assert data.name in page.inner_text("#lrm-next-poses")
         assert "schema" in page.inner_text("#lrm-next-poses [role=alert]")
-        page.screenshot(path=SHOTS / "next-poses-refused.png")
+        shot(page, "next-poses-refused.png")
         assert not page.get_by_role("button", name="Download CSV").count()
         page.context.close()
 

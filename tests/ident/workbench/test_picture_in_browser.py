@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows_to_draw
 from tests.conftest import EXAMPLE
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for, workbench
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for, workbench
 from tests.support.commands import FEW, stdout_of
-from tests.support.sweep import seeds
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -86,7 +85,7 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
     for name in ("top", "side", "tool", "oblique"):
         page.get_by_role("button", name=f"view from: {name}").click()
         page.wait_for_timeout(200)
-        shots[name] = page.locator("#lrm-field").screenshot(path=SHOTS / f"view-{name}.png")
+        shots[name] = page.locator("#lrm-field").screenshot()
     assert len(set(shots.values())) == 4
     page.get_by_role("button", name="view from: top").click()
     wait_for(page, FROM_ABOVE)
@@ -108,7 +107,7 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
         page.fill("#lrm-filter-high", str(high))
         page.keyboard.press("Enter")
         assert page.evaluate(SEEN) == [row for row, value in enumerate(every) if low <= value <= high]
-    page.screenshot(path=SHOTS / "filtered.png")
+    shot(page, "filtered.png")
     page.select_option("#lrm-filter", "")
     assert len(page.evaluate(SEEN)) == FEW
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
@@ -168,8 +167,9 @@ def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_p
         page.context.close()
 
 
+@pytest.mark.soak
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [(390, 1440, 800)[k] for k in seeds(2, 3)])
+@pytest.mark.parametrize("width", [390, 800, 1440])
 def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
     """Page and report, each from its top to its end."""
     page = opened(browser, small, {"width": width, "height": 900})
@@ -181,8 +181,8 @@ def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench,
     for name, one in (("page", page), ("report", other.value)):
         one.wait_for_timeout(1500)
         assert one.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
-        one.screenshot(path=SHOTS / f"{name}-{width}.png", full_page=True)
+        shot(one, f"{name}-{width}.png", full_page=True)
     field = page.evaluate("(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)")
     assert min(field) > 240, "the field is squeezed"
-    page.pdf(path=SHOTS / f"workbench-{width}.pdf")
+    shot(page, f"workbench-{width}.pdf")
     page.context.close()

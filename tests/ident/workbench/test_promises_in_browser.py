@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -73,7 +73,7 @@ def test_a_step_is_seen_to_happen(browser: Any, small: RunningWorkbench) -> None
     assert boxes[0][:2] == boxes[1][:2]
     assert boxes[0][2] < boxes[1][2]
     assert boxes[0][1] > 0.5 * page.evaluate("document.getElementById('panel-field').clientHeight"), "full height"
-    page.screenshot(path=SHOTS / "before-after.png")
+    shot(page, "before-after.png")
     values = [one for one in seen.addresses if "/lrm/values" in one]
     assert len(values) == len(set(values)), "values are sent once"
     page.keyboard.press("u")
@@ -124,7 +124,7 @@ def test_words_are_explained_and_the_keyboard_reaches_all_but_the_icons_of_chart
             page.keyboard.press("Tab")
             focused.append(page.evaluate(FOCUSED))
         assert all(reached for _, reached, _ in focused), f"{place}: an icon of a chart takes the focus"
-        page.screenshot(path=SHOTS / f"focus-{place}.png")
+        shot(page, f"focus-{place}.png")
         unseen = [tag for tag, _, visible in focused if tag != "BODY" and not visible]
         assert not unseen, f"{place}: focus is not seen on {unseen}"
     page.context.close()

@@ -53,7 +53,7 @@ def diagnosed(session: WorkbenchSession) -> bool:
 
 @pytest.mark.slow
 def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Path) -> None:
-    session.open(OpenTask(EXAMPLE, None))
+    session.open(OpenTask(part_of_example(tmp_path), None))
     until(session, lambda: len(session.taken.steps) == 1 and not session.busy)
     session.add("backlash@joint2")  # while the diagnosis is under way: it waits for it
     with pytest.raises(LrmError, match="still at work"):

@@ -12,7 +12,6 @@ import pytest
 import lrm_ident as lrm
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
-    SHOTS,
     BrowserLog,
     RunningWorkbench,
     axe_violations,
@@ -20,6 +19,7 @@ from tests.support.browser import (
     opened,
     press,
     says,
+    shot,
     wait_for,
     with_axe,
     workbench,
@@ -71,7 +71,7 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
         page.wait_for_selector("#lrm-stale")
         press(page, "auto")
         says(page, "body", "press Reload or Keep first")
-        page.screenshot(path=SHOTS / "changed-on-disk.png")
+        shot(page, "changed-on-disk.png")
         page.click("[data-name=reload]")
         wait_for(page, "lrm.state.values.poses === 120")
         page.wait_for_selector("#lrm-stale", state="hidden")
@@ -104,7 +104,7 @@ def test_the_second_quantity_of_a_form_is_its_colour(browser: Any, small: Runnin
     traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode, t.marker.color])")
     second = page.evaluate("((v) => v.drivers.find((d) => d.name === v.ranking[0].second).values)(lrm.state.values)")
     assert traces == [["data", "markers", second], ["its form", "markers", second]]
-    page.screenshot(path=SHOTS / "map.png")
+    shot(page, "map.png")
     page.context.close()
 
 
@@ -173,22 +173,30 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     page.evaluate("(text) => lrmOpen([new File([text], 'two.csv')])", two)
     says(page, "#lrm-failure", "2 poses for")
     assert page.evaluate(f"{TWO_STEPS} && lrm.state.values.poses === {FEW}")
+    page.keyboard.press("u")
+    wait_for(page, "lrm.state.values.steps.length === 1")
     page.context.close()
     assert [one for one in seen.errors if "400" not in one] == []
 
 
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of a fit and a step."""
+    folder = tmp_path_factory.mktemp("report")
+    data = part_of_example(folder)
+    lrm.Study.of(lrm.load(data)).fit().add("backlash@joint2").save(folder / "m.toml")
+    stdout_of("report", folder / "m.toml", data, "-o", folder / "r.html")
+    return folder / "r.html"
+
+
 @pytest.mark.slow
-def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
+def test_the_report_on_paper(browser: Any, report: Path) -> None:
     """Charts are as wide as the page and no part lies over another; the cards come first."""
-    data = part_of_example(tmp_path)
-    stdout_of("fit", data, "-o", tmp_path / "m.toml")
-    stdout_of("add", tmp_path / "m.toml", data, "backlash@joint2", "-o", tmp_path / "n.toml")
-    stdout_of("report", tmp_path / "n.toml", data, "-o", tmp_path / "r.html")
     page = browser.new_context(viewport=SIZE, color_scheme="dark").new_page()
-    page.goto((tmp_path / "r.html").as_uri())
+    page.goto(report.as_uri())
     wait_for(page, "document.querySelector('#lrm-card-1 .main-svg')")
     assert "nominal" in page.inner_text("#lrm-fall")
-    page.pdf(path=SHOTS / "paper.pdf")
+    shot(page, "paper.pdf")
     page.emulate_media(media="print")
     page.evaluate("lrm.print(true)")
     top = "document.querySelector('{}').getBoundingClientRect().top"
@@ -237,7 +245,7 @@ def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path
     page.goto((tmp_path / "r.html").as_uri())
     page.wait_for_selector("#lrm-card-9 .main-svg", state="attached")
     assert page.evaluate("lrm.state.values.steps.length") == 10
-    page.pdf(path=SHOTS / "ten-steps.pdf")
+    shot(page, "ten-steps.pdf")
     page.emulate_media(media="print")
     page.evaluate("lrm.print(true)")
     cards = "[...document.querySelectorAll('.lrm-card-of-step')].map((one) => one.getBoundingClientRect())"
@@ -266,16 +274,14 @@ def test_a_session_outlasts_its_server(browser: Any, tmp_path: Path) -> None:
     with workbench(data, cwd=tmp_path) as second:
         page = opened(browser, second, SIZE)
         says(page, "#lrm-offer", "step-1.toml")
-        idle(page, RANKED)
         page.click('[data-name="go on"]')
         wait_for(page, TWO_STEPS)
         page.wait_for_selector("#lrm-offer", state="hidden")
         page.context.close()
     (tmp_path / "other").mkdir()
-    other = part_of_example(tmp_path / "other", 60)
+    other = part_of_example(tmp_path / "other", FEW + 1)
     with workbench(other, cwd=tmp_path) as third:
         page = opened(browser, third, SIZE)
-        idle(page, RANKED)
         assert not page.is_visible("#lrm-offer"), "a session of other measurements"
         page.context.close()
 
@@ -297,17 +303,14 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
     page.reload()
     wait_for(page, "window.lrm && lrm.state.values")
     assert page.evaluate("document.documentElement.dataset.theme") == turned, "the theme is not remembered"
-    page.screenshot(path=SHOTS / f"phone-{turned}.png", full_page=True)
+    shot(page, f"phone-{turned}.png", full_page=True)
     page.context.close()
 
 
 @pytest.mark.slow
-def test_a_report_remembers_its_theme(browser: Any, tmp_path: Path) -> None:
-    data = part_of_example(tmp_path, 60)
-    stdout_of("fit", data, "-o", tmp_path / "m.toml")
-    stdout_of("report", tmp_path / "m.toml", data, "-o", tmp_path / "r.html")
+def test_a_report_remembers_its_theme(browser: Any, report: Path) -> None:
     page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
-    page.goto((tmp_path / "r.html").as_uri())
+    page.goto(report.as_uri())
     page.click("#lrm-theme")
     wait_for(page, "document.documentElement.dataset.theme === 'dark'")
     page.wait_for_timeout(STORED_MS)
@@ -344,7 +347,7 @@ def test_a_study_draws_itself_in_a_notebook(browser: Any, tmp_path: Path) -> Non
     page.evaluate("document.body.dataset.jpThemeLight = true")
     inside.locator("html[data-theme=light] #lrm-field canvas").wait_for()
     assert "backlash" in inside.locator("#lrm-ranking").inner_text()
-    page.screenshot(path=SHOTS / "notebook.png")
+    shot(page, "notebook.png")
     own = "<style>:not(.jp-RenderedMarkdown).jp-RenderedHTMLCommon td { text-align: center }</style>"
     shown = f"<div class=jp-RenderedHTMLCommon>{study._repr_html_()}{study.compare()._repr_html_()}</div>"
     page.set_content(f"<!doctype html><body>{own}{shown}")

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, shot
 
 SIZE = {"width": 1280, "height": 800}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -42,7 +42,7 @@ def test_the_size_of_an_effect_moves_arrows_and_rms_before_any_refit(browser: An
     measured = page.evaluate("lrm.state.values.steps[0].residual")
     added = page.evaluate("lrm.state.values.ranking.find((one) => one.name === lrm.state.candidate).added")
     assert arrows[3] == pytest.approx([r - a for r, a in zip(measured[3], added[3], strict=True)])
-    page.screenshot(path=SHOTS / "what-if.png")
+    shot(page, "what-if.png")
     other = page.evaluate("lrm.state.values.ranking[1].name")
     page.click(f"#lrm-ranking [data-name='{other}']")
     assert page.evaluate("lrm.state.size") == 0

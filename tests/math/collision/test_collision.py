@@ -194,7 +194,7 @@ def test_parallel_segments_by_hand() -> None:
         assert float(segment_to_segment(a, b, np.array(start), np.array(end))) == pytest.approx(expected, abs=1e-12)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(shaped_arms, seeds)
 def test_distances_against_coal(arm: Arm, seed: int) -> None:
     """Distance of every pair that does not overlap, against the collision library of pinocchio."""
@@ -359,7 +359,8 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
     return check_path(bodies, np.array([scene.pose(q0), scene.pose(q1)]), scene.margin if margin is None else margin)[0]
 
 
-@settings(max_examples=30)
+@pytest.mark.long
+@settings(max_examples=15)
 @given(shaped_arms, seeds, st.integers(2, 12), st.sampled_from([0.02, 0.3, 1.5]))
 def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, count: int, step: float) -> None:
     scene, rng = Scene.of(arm), np.random.default_rng(seed)
@@ -379,7 +380,7 @@ def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, coun
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(shaped_arms, seeds, st.sampled_from([0.0, 0.005, 0.03]))
 def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: float) -> None:
     scene = Scene.of(arm)
@@ -401,7 +402,7 @@ def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: floa
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(shaped_arms, seeds, st.floats(-0.02, 0.02))
 def test_a_way_that_is_found_free_comes_no_nearer_than_its_start_anywhere(arm: Arm, seed: int, scale: float) -> None:
     """Down to nanometres, from any start, overlaps included; and one that only leaves is found free."""

@@ -56,6 +56,7 @@ def gaps(grid: HeightGrid, points: Array) -> tuple[Array, Array]:
     return to_solid, to_free
 
 
+@pytest.mark.long
 @given(seeds)
 @settings(max_examples=40, deadline=None)
 def test_the_distance_is_that_of_the_nearest_point_and_column(seed: int) -> None:
@@ -70,6 +71,7 @@ def test_the_distance_is_that_of_the_nearest_point_and_column(seed: int) -> None
     assert (found >= np.minimum(sampled - 0.5 * spacing, FAR) - 1e-9).all()
 
 
+@pytest.mark.long
 @given(seeds)
 @settings(max_examples=40, deadline=None)
 def test_the_depth_is_no_more_than_the_way_out_and_more_than_nothing_inside(seed: int) -> None:

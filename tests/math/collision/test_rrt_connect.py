@@ -19,11 +19,12 @@ from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError
 from tests.math.collision.test_collision import check_move, sampled_distance
 from tests.math.kinematics.test_chain import link_matrices
+from tests.support.sweep import soak
 
 START, GOAL = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
 
 
-@pytest.fixture(params=["lab", "rover"])
+@pytest.fixture(params=["rover", *soak("lab")])
 def blocked(request: pytest.FixtureRequest) -> Arm:
     """A shipped arm with a post at the tool's position half way from START to GOAL."""
     arm: Arm = request.getfixturevalue(request.param)

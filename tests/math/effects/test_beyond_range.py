@@ -75,6 +75,7 @@ def test_a_held_form_is_at_twice_its_range_what_it_is_at_the_edge(kind: type[Eff
             np.testing.assert_allclose(beyond, at_edge, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", by_class[Extrapolation.PROPORTIONAL], ids=lambda kind: kind.id)
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000))
@@ -125,6 +126,7 @@ def test_held_values_are_exact_within_and_smooth_at_the_ends(lower: float, width
         assert slopes == pytest.approx([1.0, 1.0], abs=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["angle_curve@joint2", "coupling_curve@joint3<-joint2", "cable_curve@joint2+joint3", "torque_curve@joint2",
              "nonlinear_stiffness@joint2", "base_curve@base", "frame_curve@frame",

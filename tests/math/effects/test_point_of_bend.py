@@ -34,6 +34,7 @@ def bending(arm: Arm, link: int, s: float) -> Model:
     return model_of(arm, effects_at(arm, f"lateral_compliance@link{link}")).with_values([K_X, K_Y, s])
 
 
+@pytest.mark.long
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from([2, 4]), st.floats(0.0, 1.0))
 def test_it_moves_the_tip_as_one_hinge_of_the_independent_generator(lab: Arm, link: int, s: float) -> None:
@@ -66,6 +67,7 @@ def test_at_the_middle_only_the_middle_moves(lab: Arm) -> None:
     assert effect.compliances((K_X, K_Y, 1.0)) == (0.0, 0.0, 0.0, 0.0, K_X, K_Y)
 
 
+@pytest.mark.long
 def test_a_file_from_before_bends_at_the_middle(tmp_path: Path) -> None:
     """Its parameters, and those in its history, do not state the point."""
     data = lrm.load(EXAMPLE)

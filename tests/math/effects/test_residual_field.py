@@ -81,6 +81,7 @@ def test_nowhere_does_it_jump(seed: int) -> None:
     assert steps[1] < 0.6 * steps[0] + 1e-12
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
 def test_amounts_are_the_basis_times_the_coefficients(seed: int) -> None:

@@ -46,6 +46,7 @@ def fitted(model: Model, poses: Poses) -> Model:
     return model.with_state(state_after_session(solve_equilibrium(model, poses)))
 
 
+@pytest.mark.long
 @given(st.sampled_from(["joint1", "joint3", "base"]), st.integers(0, 2**31), st.floats(-0.1, 0.1))
 @settings(max_examples=20)
 def test_the_last_state_of_drift_and_session_goes_along(place: str, seed: int, size: float) -> None:

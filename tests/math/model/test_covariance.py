@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.fitting import cross_validation
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.residual.error_breakdown import HeldOutResidual
@@ -49,6 +50,7 @@ def written(fit: Fit, data: Measurements, path: Path) -> ModelFile:
     return file
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 1000), size=st.integers(1, 12))
 def test_covariance_table_round_trip(lab: Arm, seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
@@ -119,7 +121,8 @@ def test_an_invalid_covariance_is_a_file_error(
 
 
 @pytest.mark.slow
-def test_every_command_that_fits_writes_it(tmp_path: Path) -> None:
+def test_every_command_that_fits_writes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cross_validation, "MOST_REFITTED", 0)
     data = part_of_example(tmp_path, 90)
     stdout_of("fit", data, "--parameters", "option4", "-o", tmp_path / "a.toml")
     stdout_of("add", tmp_path / "a.toml", data, "servo_gain@joint2", "-o", tmp_path / "b.toml")

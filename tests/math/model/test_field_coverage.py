@@ -29,6 +29,7 @@ def known(field: Learned, size: float = 1e-4, beyond: float = 2e-3) -> tuple[Mod
     return model, Covariance(keys, matrix)
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15, deadline=None)
 def test_it_speaks_where_the_predicted_deviation_says_so(seed: int) -> None:
@@ -45,6 +46,7 @@ def test_it_speaks_where_the_predicted_deviation_says_so(seed: int) -> None:
     np.testing.assert_array_equal(speaks[sure], (variance < UNSURE * beyond)[sure])
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15, deadline=None)
 def test_its_share_of_the_reach_is_that_of_the_range(seed: int) -> None:

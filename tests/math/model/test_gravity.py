@@ -58,6 +58,7 @@ def with_gravity(arm: Arm, gravity: Array) -> Arm:
     return replace(arm, gravity=(x, y, z))
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(arms, st.integers(0, 100))
 def test_an_arm_turned_with_its_gravity_is_the_same_arm(arm: Arm, seed: int) -> None:
@@ -69,6 +70,7 @@ def test_an_arm_turned_with_its_gravity_is_the_same_arm(arm: Arm, seed: int) -> 
     np.testing.assert_allclose(there.joint_torque, here.joint_torque, atol=1e-10)
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(arms, st.integers(0, 100))
 def test_effect_poses_and_arm_file_state_gravity_alike(arm: Arm, seed: int) -> None:

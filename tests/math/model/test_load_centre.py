@@ -62,6 +62,7 @@ def slope(chain: Chain, values: list[Number], slot: int, count: int, centre: Vec
     return np.asarray((ends[1] - ends[0]) / (2 * STEP))
 
 
+@pytest.mark.long
 @settings(max_examples=12, deadline=None, phases=NO_SHRINK)
 @given(st.sampled_from(ARMS), centres, st.integers(0, 50))
 def test_moments_on_joints_and_springs_are_the_slope_of_the_loads_energy(name: str, centre: Vector3, seed: int) -> None:

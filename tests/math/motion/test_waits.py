@@ -42,6 +42,7 @@ def swing(path: np.ndarray, model: MotionModel, phase: float) -> float:
     return float(np.sqrt(np.mean(np.sum(tip**2, axis=1))))
 
 
+@pytest.mark.long
 def test_less_swing_is_left_at_any_phase_of_the_frames_and_with_frequencies_that_are_off() -> None:
     """Over three moves, RMS."""
     rng = np.random.default_rng(0)

@@ -56,7 +56,7 @@ def two_cameras(taken: HealthyMeasurement) -> SpoiledMeasurement:
     off = taken.rng.normal(size=3)
     off *= taken.rng.uniform(0.0015, 0.0025) / np.linalg.norm(off)
     seen = np.where(taken.tcp[:, 1:2] > np.median(taken.tcp[:, 1]), taken.tcp + off, taken.tcp)
-    return SpoiledMeasurement(seen, right=("frame_curve@frame", "measurement_frame@frame"))
+    return SpoiledMeasurement(seen, right=("frame_curve@frame", "measurement_frame@frame", "depth_scale@frame"))
 
 
 def stands_off_beyond_zero(taken: HealthyMeasurement) -> SpoiledMeasurement:

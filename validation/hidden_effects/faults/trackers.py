@@ -8,7 +8,7 @@ from lrm_math.arrays import Array
 from validation.hidden_effects.faults.measurement import BASE, NOISE_M, HealthyMeasurement, SpoiledMeasurement
 from validation.synthetic.screws import rotation_matrix
 
-FRAME = ("measurement_frame@frame", "frame_curve@frame")
+FRAME = ("measurement_frame@frame", "frame_curve@frame", "depth_scale@frame")
 CAMERA_M = np.array([1.5, -1.0, 0.8])
 
 

@@ -17,7 +17,8 @@ if find_spec("lerobot") is not None:
     from lerobot_robot_lrm.pipelines import calibrated_processors
     from lerobot_robot_lrm.processor import CalibratedAction, CalibratedObservation
     from lerobot_robot_lrm.registration import CalibratedForm, CalibratedPairForm, register_calibrated_robots
+    from lrm_math.arm.lerobot_late_replies import drop_late_replies
 
     __all__ += ["CalibratedAction", "CalibratedForm", "CalibratedObservation", "CalibratedPair"]
-    __all__ += ["CalibratedPairForm", "CalibratedRobot", "calibrated_processors"]
+    __all__ += ["CalibratedPairForm", "CalibratedRobot", "calibrated_processors", "drop_late_replies"]
     register_calibrated_robots()

@@ -9,10 +9,10 @@ from lerobot.robots.robot import Robot
 
 from lerobot_robot_lrm.corrected_arm import CorrectedArm
 from lerobot_robot_lrm.correction import Correction, places_of
-from lerobot_robot_lrm.late_replies import drop_late_replies
 from lerobot_robot_lrm.servo_check import require_servos_of
 from lerobot_robot_lrm.units import radians_per_unit
 from lerobot_robot_lrm.wrapped_robot import WrappedRobot
+from lrm_math.arm.lerobot_late_replies import drop_late_replies
 from lrm_math.errors import LrmError
 
 

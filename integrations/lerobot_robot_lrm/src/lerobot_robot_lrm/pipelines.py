@@ -17,6 +17,7 @@ from lerobot_robot_lrm.processor import CalibratedAction, CalibratedObservation
 from lerobot_robot_lrm.servo_check import require_servos_of
 from lerobot_robot_lrm.units import radians_per_unit
 from lerobot_robot_lrm.wrapped_robot import WrappedRobot
+from lrm_math.arm.lerobot_late_replies import drop_late_replies
 from lrm_math.errors import LrmError
 
 
@@ -25,13 +26,15 @@ def calibrated_processors(
 ) -> tuple[Any, Any]:
     """`robot_action_processor` and `robot_observation_processor` of a connected robot, as `record_loop` takes them.
 
-    Units are those of the robot. Raises `LrmError`: it corrects already, is not connected, or its servos are set
-    otherwise than those that the model was measured with, see `accept_settings`.
+    Units are those of the robot, whose servos' late replies are dropped from now on. Raises `LrmError`: it corrects
+    already, is not connected, or its servos are set otherwise than those that the model was measured with, see
+    `accept_settings`.
     """
     if isinstance(robot, WrappedRobot):
         raise LrmError(f"{robot.name} corrects its commands already; take its pipelines or its calibrated form")
     if not robot.is_connected:
         raise LrmError(f"{robot.name} is not connected; its units and its servos' settings are read from it")
+    drop_late_replies(robot)
     action = CalibratedAction(model, payload_g, keep)
     action.arm.check_names(robot.action_features, robot.name)
     if not accept_settings:

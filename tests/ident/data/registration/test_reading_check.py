@@ -41,7 +41,10 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading, parse_axes
 from tests.conftest import EXAMPLE, SHARED
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.sweep import seeds, soak
 from validation.misreadings import ARMS, HEALTHY, KINDS, healthy_data, misread, random_arm_data
+
+pytestmark = pytest.mark.long
 
 TWO_JOINTS = SHARED / "data" / "lrm-two-joint" / "measurements.csv"
 OPTION_1 = ["--parameters", "option1"]
@@ -57,13 +60,13 @@ def test_each_misreading_is_understood_on_one_arm(number: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HEALTHY)
 def test_a_bad_arm_is_not_refused(name: str) -> None:
-    for seed in (11, 12):
+    for seed in seeds(1, 3):
         check = check_reading(load_arm(name), healthy_data(name, seed))
         assert check is None or check.right
 
 
 @pytest.mark.slow
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(st.integers(0, 1000), st.sampled_from(ARMS), st.integers(0, 2), st.booleans())
 def test_what_moved_meanwhile_is_no_misreading(seed: int, name: str, number: int, slipped: bool) -> None:
     """A base that was pushed along an axis by a fifth of the spread, or a joint whose horn slipped by 20 deg."""
@@ -181,7 +184,7 @@ def _shares(q_deg: Array) -> Array:
         (_shares, "LeRobot's -100 to 100 of each joint's range; if so: record with use_degrees=true"),
     ],
 )
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *soak(2, 3)])
 def test_what_servos_and_lerobot_record_is_not_read_as_degrees(
     tmp_path: Path, recorded: Callable[[Array], Array], said: str, seed: int
 ) -> None:
@@ -221,8 +224,14 @@ def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measure
     assert errors[1] < 1.2 * errors[0]
 
 
-@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
-@pytest.mark.parametrize("mistake", ["--joint-sign", "--joint-order"])
+@pytest.mark.parametrize(
+    ("arm_name", "mistake"),
+    [
+        ("lrm-lab", "--joint-sign"),
+        ("so101", "--joint-order"),
+        *soak(("so101", "--joint-sign"), ("lrm-lab", "--joint-order")),
+    ],
+)
 def test_radians_of_another_convention_in_metres_of_another_frame(tmp_path: Path, arm_name: str, mistake: str) -> None:
     """All that another program does its own way at once: every mistake is said, and the options read it."""
     own, (rotation, translation) = random_arm_data(arm_name, 3, poses=80), _motion(5)
@@ -248,7 +257,7 @@ def test_radians_as_degrees_that_no_arm_can_have_are_one_clear_line(tmp_path: Pa
 
 
 @pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
-@pytest.mark.parametrize("reflector_mm", [0.0, 60.0, 100.0])
+@pytest.mark.parametrize("reflector_mm", [0.0, 100.0, *soak(60.0)])
 def test_an_unknown_frame_stands_where_the_base_is_drawn_however_the_arm_sags(
     arm_name: str, reflector_mm: float
 ) -> None:
@@ -272,7 +281,7 @@ def test_an_unknown_frame_stands_where_the_base_is_drawn_however_the_arm_sags(
 
 
 @pytest.mark.parametrize(("fitted_in", "said"), [("another", "--frame arm"), ("the arm's", "--frame unknown")])
-@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
+@pytest.mark.parametrize("arm_name", ["lrm-lab", *soak("so101")])
 def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: str, fitted_in: str, said: str) -> None:
     """A model's reading counts for the next data; where only their frame differs, no joint is called wrong."""
     arm, (rotation, translation) = load_arm(arm_name), _motion(5)

@@ -22,6 +22,7 @@ def test_there_are_forty() -> None:
     assert len(ROBOTS) == 40
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ROBOTS)
 def test_an_imported_arm_moves_and_sags_as_in_mujoco(name: str, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")

@@ -158,6 +158,7 @@ def test_the_command_says_what_is_wrong_in_one_line(own: Path, tmp_path: Path) -
     assert "no such file" in stderr_of("arm", "export", "so101", "--mjcf", tmp_path / "none.xml", "-o", out)
 
 
+@pytest.mark.long
 def test_variants_spread_as_the_covariance_says(own: Path, tmp_path: Path) -> None:
     sd = math.degrees(0.01)
     (tmp_path / "model.toml").write_text(

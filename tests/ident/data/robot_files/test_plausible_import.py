@@ -107,6 +107,7 @@ def test_an_unknown_rule_is_named(tmp_path: Path) -> None:
     assert "centre-of-mass" in said
 
 
+@pytest.mark.long
 def test_a_reader_that_leaves_takes_no_file_along(tmp_path: Path) -> None:
     """`arm import … | head` writes the arm file."""
     path, arm, pipe = tmp_path / "arm.urdf", tmp_path / "arm.toml", closed_pipe()

@@ -112,6 +112,7 @@ def test_ten_random_robots(seed: int, nearly_parallel: bool, tmp_path: Path) -> 
     assert largest_difference(model_of(arm, ()), robot.chain("base", "tip"), seed=9) < EXACT
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(arms, st.integers(0, 1000))
 def test_our_arms_through_urdf_and_back(arm: Arm, seed: int) -> None:
@@ -202,6 +203,7 @@ def test_a_bad_urdf_is_one_line(words: str, tmp_path: Path) -> None:
     assert not (tmp_path / "arm.toml").exists()
 
 
+@pytest.mark.long
 def test_xacro(tmp_path: Path) -> None:
     pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
     text = random_robot(2, 3, False).replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"', 1)
@@ -250,6 +252,7 @@ def on_the_wall(seed: int) -> str:
     return f'<robot name="any"><link name="world"/><link name="bracket"/>{held}{pan}{arm}</robot>'
 
 
+@pytest.mark.long
 @given(st.integers(0, 200))
 def test_gravity_follows_the_link_that_the_arm_begins_at(seed: int) -> None:
     """Loads on the joints do not depend on which link the arm's frame is; gravity in it does, and that is said."""
@@ -266,6 +269,7 @@ def test_gravity_follows_the_link_that_the_arm_begins_at(seed: int) -> None:
     np.testing.assert_allclose(in_base.tcp @ stands[:3, :3].T + stands[:3, 3], in_world.tcp, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (1.2, -3.0, -9.0)])
 def test_an_export_without_a_robot_of_its_own_is_mounted_as_the_arm_is(
     gravity: tuple[float, float, float], tmp_path: Path

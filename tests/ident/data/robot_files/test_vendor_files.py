@@ -92,6 +92,7 @@ def test_a_vendors_file_is_read(written: str, suffix: str, tmp_path: Path) -> No
     assert any("Latin-1" in notice for notice in found.notices) == (written == "undeclared latin-1")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", [".urdf", ".xacro"])
 def test_xacro_is_expanded_without_what_shapes_refer_to(suffix: str, tmp_path: Path) -> None:
     """Elements decide, not the ending; packages of meshes need not exist, in included files neither."""
@@ -105,6 +106,7 @@ def test_xacro_is_expanded_without_what_shapes_refer_to(suffix: str, tmp_path: P
     assert_agrees(import_arm(read_urdf(path), tip="tip"), vendor_parts(7), 7)
 
 
+@pytest.mark.long
 def test_an_export_of_a_xacro_keeps_its_meshes(tmp_path: Path) -> None:
     pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
     path = tmp_path / "arm.xacro"

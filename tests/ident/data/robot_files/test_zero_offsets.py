@@ -67,6 +67,7 @@ def lerobot_reads(motor: MotorCalibration, encoder: float) -> float:
     return (encoder - motor.homing_offset - (motor.range_min + motor.range_max) / 2.0) * 2.0 * math.pi / 4095.0
 
 
+@pytest.mark.long
 @settings(max_examples=30)
 @given(offsets=st.lists(st.floats(-0.3, 0.3), min_size=5, max_size=5), encoder=st.integers(0, 4095))
 def test_lerobot_reads_the_true_angle(

@@ -201,6 +201,7 @@ def test_forward_sampling_never_leaves_the_map(rover: Arm) -> None:
     assert near.all()
 
 
+@pytest.mark.long
 def test_the_orientation_of_a_forward_pose_can_be_taken_there(rover: Arm) -> None:
     """A grid of one cell round the place that random angles lead to, asked for that orientation only."""
     for T in at(rover, random_angles(rover, 60))[:, -1]:

@@ -91,6 +91,7 @@ def some_extensions(poses: Poses, torque: Array) -> list[Law]:
     return list(extensions_at(1, "d", quantities_at(1, poses, torque)))
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_written_law_moves_the_joint_as_its_formula_says(

@@ -105,6 +105,7 @@ def test_a_photo_without_the_board() -> None:
     assert "0 of 20 corners" in found.reason
 
 
+@pytest.mark.long
 def test_covariance_of_the_pose_is_that_of_its_errors() -> None:
     rng = np.random.default_rng(0)
     squares = []

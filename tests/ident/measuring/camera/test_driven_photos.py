@@ -67,6 +67,7 @@ class StillPhotos:
         return self.pictures[self.taken % len(self.pictures)]
 
 
+@pytest.mark.long
 def test_the_tip_is_where_the_board_shows_it() -> None:
     q = poses_in_view(RIG, 1, 3)
     equilibrium = solve_equilibrium(RIG.model, q)

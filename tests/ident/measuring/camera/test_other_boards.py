@@ -35,6 +35,7 @@ def photo(folder: Path, board: CharucoBoard) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", BOARDS)
 def test_another_board_is_named_with_the_options_that_read_it(tmp_path: Path, options: str) -> None:
     folder, out = photo(tmp_path / "photos", BOARDS[options]), tmp_path / "lens.toml"
@@ -44,6 +45,7 @@ def test_another_board_is_named_with_the_options_that_read_it(tmp_path: Path, op
     assert "1 usable photos" in stderr_of(*words, *shlex.split(options))
 
 
+@pytest.mark.long
 def test_a_board_of_todays_pattern_is_named_where_the_older_one_was_stated(tmp_path: Path) -> None:
     folder = photo(tmp_path / "photos", CharucoBoard(rows=4))
     words = ["camera", "calibrate", folder, "--columns", "6", "--rows", "4", "-o", tmp_path / "lens.toml"]

@@ -26,6 +26,8 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.commands import stderr_of
 
+pytestmark = pytest.mark.usefixtures("one_step_folds")
+
 ARM = load_arm("two-joint")
 TRUE = model_of(ARM, effects_at(ARM, "offsets"), {"offsets.joint2.theta_rad": 0.02, "offsets.joint1.a_mm": 0.002})
 RNG = np.random.default_rng(0)
@@ -127,6 +129,7 @@ def given(monkeypatch: pytest.MonkeyPatch, *findings: AdaptiveFindings) -> None:
     monkeypatch.setattr(adaptive, "random_poses_as_good", lambda *_: 100)
 
 
+@pytest.mark.long
 def test_a_name_is_sure_when_it_is_the_only_one_twice(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     sure = unsure(names=("a@b",))
     given(monkeypatch, unsure(), sure, unsure(names=("e@f",)), sure, sure)

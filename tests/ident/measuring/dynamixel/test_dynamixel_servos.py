@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
@@ -19,6 +19,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.ident.measuring.feetech.test_feetech_servos import BusLine
 
+pytestmark = pytest.mark.usefixtures("hurried")
 ARM = load_arm("so101")
 NUMBERS = (1, 2, 3, 4, 5)
 BYTES = st.binary(max_size=30) | st.lists(st.sampled_from([0xFF, 0xFD, 0x00]), max_size=30).map(bytes)
@@ -78,6 +79,7 @@ def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], ec
     assert not line.bus.servos[5].powered
 
 
+@pytest.mark.long
 @given(ANGLES)
 def test_an_arm_goes_where_it_is_sent_with_bounded_torque(goal: list[float]) -> None:
     line = line_of(*NUMBERS)
@@ -100,6 +102,7 @@ def refusal(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> str:
     return str(caught.value)
 
 
+@pytest.mark.long
 def test_a_missing_motor_a_wrong_number_another_model_and_another_mode() -> None:
     assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
     assert "servo 9 does not answer; on the bus are 1, 2, 3, 4, 5" in refusal(line_of(*NUMBERS), (1, 2, 3, 4, 9))
@@ -114,7 +117,7 @@ def test_a_missing_motor_a_wrong_number_another_model_and_another_mode() -> None
         assert words in refusal(line)
 
 
-@settings(max_examples=6)  # of 1.5 s, in which no answer comes
+@pytest.mark.long
 @given(st.floats(0.01, 3.0), st.integers(0, 4))
 def test_two_servos_of_one_number(apart: float, which: int) -> None:
     line = line_of(*NUMBERS, NUMBERS[which])

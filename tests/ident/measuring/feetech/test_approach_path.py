@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -48,16 +49,18 @@ def driven(line: BusLine, plan: list[tuple[list[float], list[int]]]) -> tuple[Ar
     return np.array(q), np.array(sides, dtype=float), np.array(states)
 
 
+@pytest.mark.long
 @given(PLANS)
-@settings(max_examples=30)
+@settings(max_examples=12)
 def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], list[int]]]) -> None:
     q, sides, states = driven(line_of(1, 2, 3, 4, 5), plan)
     found = states_from_beside(q, sides, ARM, APPROACH, np.zeros(len(q), dtype=bool))
     np.testing.assert_allclose(found, states, atol=0.1)  # a step of the encoder of the shortest travel
 
 
+@pytest.mark.long
 @given(PLANS, st.integers(1, 5))
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_where_it_is_not_known_where_the_arm_stood_friction_has_turned_over(
     plan: list[tuple[list[float], list[int]]], row: int
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.so101.feetech_bus import FeetechBus
@@ -20,6 +20,7 @@ from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
+pytestmark = pytest.mark.usefixtures("hurried")
 MOST_TORQUE = 1000
 ARM = load_arm("so101")
 REGISTERS = st.sampled_from(
@@ -90,6 +91,7 @@ def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], ec
     assert not line.bus.servos[5].powered  # the gripper is no joint: it is left alone
 
 
+@pytest.mark.long
 @given(st.lists(WITHIN, min_size=1, max_size=3), st.sampled_from([-1, 0, 1]))
 def test_rows_have_the_whole_counts_that_were_commanded_and_speed_is_bounded(
     goals: list[list[float]], approach: int
@@ -143,6 +145,7 @@ def test_an_interrupted_move_holds_where_it_was_sent_last() -> None:
     assert all(servo.powered for servo in line.bus.servos)
 
 
+@pytest.mark.long
 def test_lost_answers_are_asked_for_again_and_a_lost_line_is_said() -> None:
     line = line_of(1, 2, 3, 4, 5)
     line.lost = 2
@@ -182,6 +185,7 @@ def refusal(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> str:
     return str(caught.value)
 
 
+@pytest.mark.long
 def test_a_missing_motor_and_a_wrong_number() -> None:
     assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
     wrong = refusal(line_of(1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 9))
@@ -189,7 +193,7 @@ def test_a_missing_motor_and_a_wrong_number() -> None:
     assert refusal(line_of()).endswith("nor does any other: is the power on, is it the right port?")
 
 
-@settings(max_examples=6)  # of 1.5 s, in which no answer comes
+@pytest.mark.long
 @given(st.floats(0.01, 3.0), st.integers(0, 4))
 def test_two_servos_of_one_number(apart: float, which: int) -> None:
     numbers = (1, 2, 3, 4, 5)

@@ -58,6 +58,7 @@ def test_only_what_both_know_and_differs_is_said(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_settings_go_from_the_data_into_the_model(tmp_path: Path) -> None:
     data = tmp_path / "data.csv"
     data.write_text(EXAMPLE.read_text())

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import count
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from hypothesis import strategies as st
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import MIDDLE, STEP, FeetechServo
 from lrm_ident.measuring.campaign.session import torque_named
-from lrm_ident.measuring.servo_bus import bus
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
@@ -147,13 +144,6 @@ class LossyLine(BusLine):
             self.waiting = b""
         self.asked += 1
         return out
-
-
-@pytest.fixture
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody waits for answers that do not come: each look at the clock is 0.2 s later."""
-    looks = count()
-    monkeypatch.setattr(bus, "time", SimpleNamespace(monotonic=lambda: 0.2 * next(looks)))
 
 
 @pytest.mark.usefixtures("hurried")

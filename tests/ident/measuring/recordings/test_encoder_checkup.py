@@ -26,6 +26,8 @@ from validation.encoder_checkup.teleoperation import (
     write_dataset,
 )
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("number", range(5))
 def test_a_hidden_cause_is_named_at_its_joint(number: int) -> None:

@@ -78,6 +78,7 @@ def as_workbook(path: Path) -> Path:
     return workbook(path.with_suffix(".xlsx"), rows)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("saved", [as_semicolons, as_workbook])
 def test_what_excel_saved_again_is_the_same_on_either_side(tmp_path: Path, saved: Callable[[Path], Path]) -> None:
     first, again = tmp_path / "first.csv", tmp_path / "again.csv"

@@ -32,6 +32,7 @@ def hub_with(fetch: Any) -> Any:
     return patch.dict(sys.modules, {"huggingface_hub": module})
 
 
+@pytest.mark.long
 def test_a_checkup_by_name_ends_with_a_code_by_its_findings_and_writes_a_card(home: Path, tmp_path: Path) -> None:
     arm, _ = ailing_arm("slip", np.random.default_rng(5))
     write_dataset(home / "me" / "ailing", recorded(arm, np.random.default_rng(6)), "v3.0")

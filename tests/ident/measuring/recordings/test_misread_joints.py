@@ -144,6 +144,7 @@ def test_of_two_arms_one_is_asked_for(tmp_path: Path) -> None:
     assert "24 stops" in stdout_of("import", "lerobot", folder, "--prefix", "left_", "-o", tmp_path / "poses.csv")
 
 
+@pytest.mark.long
 def test_other_units_of_all_angles_are_refused_and_the_remedy_helps(tmp_path: Path) -> None:
     folder = written(tmp_path / "rad", recording(), JOINTS, np.radians(1.0))
     for command in (("checkup", folder), ("import", "lerobot", folder, "-o", tmp_path / "poses.csv")):

@@ -292,6 +292,7 @@ def test_author_files_that_do_not_fit_are_told(tmp_path: Path) -> None:
     assert "cannot be read as a .mat file" in stderr_of(*words)
 
 
+@pytest.mark.long
 def test_a_log_of_joint_states_gives_the_poses_at_its_rests(tmp_path: Path) -> None:
     """By whatever clock; in radians if said, and if not the doubt is said."""
     source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"

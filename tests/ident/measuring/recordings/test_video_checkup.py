@@ -30,6 +30,8 @@ from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses
 from validation.camera.teleoperated_video import CAMERA as FRONT
 from validation.camera.teleoperated_video import FilmedStops, write_filmed
 
+pytestmark = pytest.mark.long
+
 STOPS = 42
 QUICK = FilmedStops(10, 7, 1, "mpeg4", (("qscale", "1"),), 2)
 ARM = load_arm("so101")
@@ -40,11 +42,9 @@ def true() -> CameraRig:
     return rig(1, {})
 
 
-@pytest.fixture(scope="module")
-def filmed(true: CameraRig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset of v3, and beside it the lens."""
-    folder = tmp_path_factory.mktemp("filmed")
-    poses = poses_in_view(true, STOPS, 1)
+def film(folder: Path, true: CameraRig, stops: int) -> Path:
+    """A folder with a dataset of v3, and beside it the lens."""
+    poses = poses_in_view(true, stops, 1)
     write_filmed(
         folder / "mine", PhotoScene(), poses.q, true.boards(solve_equilibrium(true.model, poses)), "v3.0", QUICK
     )
@@ -52,8 +52,10 @@ def filmed(true: CameraRig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.soak
 @pytest.mark.slow
-def test_the_video_is_measured_and_the_dataset_stays_as_it_is(filmed: Path, true: CameraRig, tmp_path: Path) -> None:
+def test_the_video_is_measured_and_the_dataset_stays_as_it_is(true: CameraRig, tmp_path: Path) -> None:
+    filmed = film(tmp_path, true, STOPS)
     dataset, data = filmed / "mine", tmp_path / "data.csv"
     before = {path: path.read_bytes() for path in dataset.rglob("*") if path.is_file()}
     given = ("--video", "front", "--lens", filmed / "lens.toml", "-o", data, "--json", tmp_path / "out.json")
@@ -84,7 +86,8 @@ def test_both_formats_have_the_same_pictures(true: CameraRig, tmp_path: Path) ->
         assert np.abs(new.astype(float) - old).mean() < 6.0
 
 
-def test_what_a_video_cannot_give_is_one_line(filmed: Path, tmp_path: Path) -> None:
+def test_what_a_video_cannot_give_is_one_line(true: CameraRig, tmp_path: Path) -> None:
+    filmed = film(tmp_path, true, 4)
     dataset, lens, out = filmed / "mine", filmed / "lens.toml", tmp_path / "data.csv"
     given = ("--lens", lens, "-o", out)
     assert "wrist" in (said := stderr_of("checkup", dataset, "--video", "wrist", *given))

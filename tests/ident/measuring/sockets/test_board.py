@@ -35,6 +35,7 @@ def written(content: bytes) -> Array:
     return np.array([row[3:12] for row in rows]).reshape(-1, 3, 3)
 
 
+@pytest.mark.long
 @given(BOARDS)
 def test_the_surface_is_closed_and_turned_outwards(board: SocketBoard) -> None:
     """Every edge belongs to two triangles that run along it in opposite directions; the volume is positive."""
@@ -51,6 +52,7 @@ def test_the_surface_is_closed_and_turned_outwards(board: SocketBoard) -> None:
     assert 0.7 * plate < volume < 1.5 * plate
 
 
+@pytest.mark.long
 @given(BOARDS)
 def test_cones_are_where_they_are_stated(board: SocketBoard) -> None:
     """Below the centre of each opening lies the apex, half an opening deep; the walls lean by 45 deg."""

@@ -17,6 +17,8 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.model.model import model_of
 from tests.support.commands import run_command
 
+pytestmark = pytest.mark.long
+
 ARM, POINTS = load_arm("so101"), SocketBoard().points
 
 
@@ -40,7 +42,7 @@ def test_the_tip_of_the_arm_as_drawn_is_in_each_socket_from_its_open_side() -> N
 
 def test_planned_touches_tell_more_than_random_ones_and_more_touches_more() -> None:
     assert planned().tracker_error < planned().tip_error < planned().random_tip_error
-    assert planned(60).tip_error < 0.8 * planned().tip_error
+    assert planned(40).tip_error < 0.9 * planned().tip_error
     assert sorted(planned().placement) == list(planned().placement)
     assert {*planned().placement} == {1, 2, 3}
 

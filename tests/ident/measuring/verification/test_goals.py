@@ -34,6 +34,7 @@ def test_random_goals_are_the_same_by_their_seed() -> None:
     assert goals_named("7", ROVER, 3) == goals_named("9", ROVER, 3)[:7]
 
 
+@pytest.mark.long
 def test_the_task_goes_from_the_hole_to_the_basket_and_back() -> None:
     goals = goals_named(TASK, ROVER, 0)
     assert [goal.place for goal in goals] == ["drill hole", "basket"] * ROUNDS

@@ -1,4 +1,5 @@
-"""Replies of servos that came after their time: dropped, and not taken for the answer to the next request."""
+"""Replies of a LeRobot robot's servos that came after their time: dropped, not taken for the answer to what is asked
+next. A servo's packets have no number: what comes after the next request cannot be told from its answer."""
 
 from __future__ import annotations
 
