@@ -310,8 +310,9 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
         return "no other known cause explains any of it"
     least = min(one.scored.alone.rms for one in others)
     curves = (one for one in report.ranking if one is not first and one.scored.candidate.effect.is_free_form)
-    but = " but curves" if any(one.scored.alone.rms < least for one in curves) else ""
-    return f"every other known cause{but} leaves ≈ {in_mm(least)} mm or more"
+    if any(one.scored.alone.rms < least for one in curves):
+        return f"other causes leave ≈ {in_mm(least)} mm or more, curves aside"
+    return f"every other known cause leaves ≈ {in_mm(least)} mm or more"
 
 
 def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:

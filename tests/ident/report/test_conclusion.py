@@ -30,7 +30,7 @@ def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: Diagno
     found = conclude(example_diagnosis)
     facts = dict(found.facts)
     assert found.headline == "Missing from the model: backlash in joint 2 (backlash@joint2)"
-    assert facts["certainty"].startswith("identified: every other known cause but curves leaves ≈ 1.4")
+    assert facts["certainty"].startswith("identified: other causes leave ≈ 1.4")
     assert facts["repair"].startswith("preload or replace the gear of joint 2")
     assert "3.03 → 0.57 mm RMS" in facts["held-out error"]
     assert facts["estimate"].endswith("of backlash, end to end")
