@@ -87,7 +87,7 @@ def test_both_formats_have_the_same_pictures(true: CameraRig, tmp_path: Path) ->
 
 
 def test_what_a_video_cannot_give_is_one_line(true: CameraRig, tmp_path: Path) -> None:
-    filmed = film(tmp_path, true, 4)
+    filmed = film(tmp_path, true, 14)
     dataset, lens, out = filmed / "mine", filmed / "lens.toml", tmp_path / "data.csv"
     given = ("--lens", lens, "-o", out)
     assert "wrist" in (said := stderr_of("checkup", dataset, "--video", "wrist", *given))
