@@ -48,16 +48,22 @@ class Modes:
         """(k,), Hz, of the damped swing."""
         return np.asarray(self.omega * np.sqrt(np.maximum(1.0 - self.damping**2, 0.0)) / (2.0 * np.pi))
 
-    def deflections(self, servos: Array, h: float, frequency_factor: float = 1.0) -> Array:
-        """(M + 1, B, n), of the joints (rad), where the servos turn along B ways (M + 1, B, n) at steps of h (s), from
-        rest. `frequency_factor`: of all natural frequencies."""
-        coordinates = servos @ self.driven.T
-        swung = Swing.swung(coordinates, frequency_factor * self.omega[None], self.damping[None], h)
-        return np.asarray((swung - coordinates) @ self.shape.T)
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs of k joints (from 0) behind their servos.
+
+    Attributes:
+        stiffness: (k,), N·m/rad. damping: (k,), N·m·s/rad.
+    """
+
+    joints: list[int]
+    stiffness: Array
+    damping: Array
 
 
-def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None:
-    """The modes at a posture q (n,), rad, with a payload (kg); None where no joint swings."""
+def springs_of(model: MotionModel) -> Springs | None:
+    """The springs that a model's `swing` stands for, at the mean inertia of all postures; None where none swings."""
     soft = [effect for effect in model.effects if isinstance(effect, Swing)]
     if not soft:
         return None
@@ -65,12 +71,21 @@ def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None
     omega = np.array([2.0 * np.pi * model.values[effect.keys[0]] for effect in soft])
     ratio = np.array([model.values[effect.keys[1]] for effect in soft])
     mean = np.diag(mean_inertia(model.arm))[joints]
+    return Springs(joints, omega**2 * mean, 2.0 * ratio * omega * mean)
+
+
+def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None:
+    """The modes at a posture q (n,), rad, with a payload (kg); None where no joint swings."""
+    springs = springs_of(model)
+    if springs is None:
+        return None
+    joints = springs.joints
     led = links_inertia(model.arm, q[None], payload)[0][joints]
     root = np.linalg.inv(np.linalg.cholesky(led[:, joints]))
-    squares, turned = np.linalg.eigh((root * (omega**2 * mean)) @ root.T)
+    squares, turned = np.linalg.eigh((root * springs.stiffness) @ root.T)
     phi = root.T @ turned
     own = np.sqrt(np.maximum(squares, 0.0))
-    braked = np.sum(phi**2 * (2.0 * ratio * omega * mean)[:, None], axis=0)
+    braked = np.sum(phi**2 * springs.damping[:, None], axis=0)
     shape = np.zeros((len(q), len(joints)))
     shape[joints] = phi
     return Modes(own, braked / (2.0 * own), shape, phi.T @ led)

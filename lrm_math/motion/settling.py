@@ -17,6 +17,7 @@ from lrm_math.motion.loads import joint_loads, reference_inertia
 from lrm_math.motion.modes import Modes, modes_at
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.simulation import simulate
+from lrm_math.motion.swing_along import swing_along
 
 STEP_S = 0.005
 """s, of the simulation."""
@@ -63,10 +64,8 @@ def settling_after(
     modes = modes_at(model, goal, payload)
     after = round(float(np.clip(FADED / _slowest_fading(model, modes), SHORTEST_S, LONGEST_S)) / step)
     moved = _moved(model, np.concatenate([paths, np.tile(goal, (len(paths), after, 1))], axis=1), start, step)
-    turned = (
-        [moved] if modes is None else [moved + modes.deflections(moved, step, factor) for factor in frequency_factors]
-    )
-    away = np.concatenate(turned, axis=1) - np.concatenate([moved[-1]] * len(turned))
+    swung = swing_along(model, moved, step, frequency_factors, payload, length)
+    away = (moved[:, None] + swung - moved[-1]).reshape(len(moved), -1, len(goal))
     jacobian = tip_jacobian(model, goal)
     far = ~(np.linalg.norm(away[length:] @ jacobian, axis=2) <= within)  # what is no number is not near
     steps = np.where(far.any(axis=0), len(far) - np.argmax(far[::-1], axis=0), 0)

@@ -31,7 +31,7 @@ from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
 PHASES, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), 4
 """Phases of the board's frames (shares of a frame) with which settling is predicted; steps in a frame."""
-SETTLED = 0.75
+SETTLED = 2 / 3
 """Share of these cases in which the tip has settled by the predicted time."""
 
 

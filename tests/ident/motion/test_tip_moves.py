@@ -39,10 +39,10 @@ HZ, RATIO = 4.0, 0.05
 
 @cache
 def recorded() -> tuple[CommandLog, TipTrack]:
-    """30 s in which joint 1 goes here and there, its servo with first-order lag, its link on a spring."""
+    """50 s in which joint 1 goes here and there, its servo with first-order lag, its link on a spring."""
     rng, h = np.random.default_rng(1), 0.001
     told, q = [], 0.0
-    while len(told) * h < 30.0:
+    while len(told) * h < 50.0:
         goal = rng.uniform(-0.9, 0.9)
         way = np.arange(1, int(abs(goal - q) / SPEED / h) + 2) * SPEED * h
         told += [*(q + np.sign(goal - q) * np.minimum(way, abs(goal - q))), *([goal] * int(rng.uniform(0.8, 1.4) / h))]

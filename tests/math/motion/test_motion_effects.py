@@ -15,6 +15,7 @@ from lrm_math.kinematics.statics import joint_torques
 from lrm_math.motion.base import JointDrive, MotionEffect
 from lrm_math.motion.effects import (
     MOTION_EFFECTS,
+    AccelerationLimit,
     CoulombFriction,
     DeadTime,
     DriveLimit,
@@ -22,6 +23,7 @@ from lrm_math.motion.effects import (
     RestOffset,
     ServoResponse,
     SpeedLimit,
+    StribeckFriction,
     Swing,
 )
 from lrm_math.motion.loads import joint_loads
@@ -152,3 +154,33 @@ def test_loads_at_rest_are_gravitys_and_a_joint_does_not_push_itself() -> None:
         inner = slice(3, -3)
         own = np.abs(alone.inertia[0, inner, joint] * 0.3 * 36.0).max()
         assert np.abs(alone.reaction[0, inner, joint]).max() <= 0.01 * own + 1e-6
+
+
+FRAME = 4
+FINE = 16
+FROM_COARSE = {
+    "saturated drive": (DriveLimit, (0.06,), 0.1),
+    "profile": (AccelerationLimit, (9.0,), 0.02),
+    "friction that falls with speed": (StribeckFriction, (0.02, 0.2), 0.15),
+    "swing": (Swing, (4.5, 0.1), 0.05),
+}
+"""Effect, values, and how far (deg) steps of 8 ms may be from sixteenths of them at worst, of moves of 60°."""
+
+
+@pytest.mark.parametrize("name", FROM_COARSE)
+def test_the_length_of_a_step_hardly_matters(name: str) -> None:
+    """Estimates took up the error of the first order: half a step of dead time for friction, 5 % of a drive limit."""
+    kind, p, within = FROM_COARSE[name]
+    rng = np.random.default_rng(2)
+    goals = np.repeat(np.cumsum(rng.choice([-0.35, 0.0, 0.35], STEPS // 20)), 20)
+    told = np.convolve(np.pad(goals, (8, 0), mode="edge"), np.ones(9) / 9.0, mode="valid")[::FRAME]
+    effects = [ServoResponse(ARM, "joint2"), kind(ARM, "joint2")]
+    values = [[np.array([[value]]) for value in own] for own in ((4.0, 0.8), p)]
+    found = []
+    for split in (1, FINE):
+        command = np.repeat(told, FRAME * split)[:, None]
+        none, at = np.zeros_like(command), np.full(1, told[0])
+        along = JointDrive(H / split, command, none, none, none + 1.0, 1.0, at, np.zeros(1))
+        found.append(simulate(effects, values, along)[:: FRAME * split, 0, 0])
+    away = np.degrees(np.abs(found[0] - found[1]).max())
+    assert away < within

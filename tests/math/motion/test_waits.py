@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lrm_math.motion.modes import modes_at
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.settling import tip_jacobian
+from lrm_math.motion.swing_along import swing_along
 from lrm_math.motion.waits import LEAST, MOST, waits_of
 from tests.support.motion_models import swinging
 
@@ -32,12 +32,13 @@ def waited(path: np.ndarray, waits) -> np.ndarray:
 
 
 def swing(path: np.ndarray, model: MotionModel, phase: float) -> float:
-    """RMS (m) of the tip for 2 s after the path, put out in frames: modes integrated by `Modes.deflections`."""
+    """RMS (m) of the tip for 2 s after the path, put out in frames: links integrated by `swing_along`, with
+    the inertia of the last posture, as the waits take it."""
     h = TICK / 13.0
     seconds = np.arange(0.0, len(path) * TICK + 2.2, h)
     shown = np.floor((seconds - phase) / FRAME) * FRAME + phase
     servos = path[np.clip(np.floor(shown / TICK + 1e-6).astype(int), 0, len(path) - 1)]
-    away = modes_at(model, path[-1]).deflections(servos[:, None], h)[:, 0]
+    away = swing_along(model, servos[:, None], h, (1.0,), 0.0, length=0)[:, 0, 0]
     tip = away[-round(2.0 / h) :] @ tip_jacobian(model, path[-1])
     return float(np.sqrt(np.mean(np.sum(tip**2, axis=1))))
 
