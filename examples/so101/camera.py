@@ -1,8 +1,8 @@
 """`python -m examples.so101.camera LINK PORT [FOLDER]`: a webcam beside the simulated SO-101, until that ends.
 
 It sees the board on the gripper: each request of http://127.0.0.1:PORT/photo.jpg is answered with a picture of now, as
-a phone answers it that serves as a webcam. In a folder it leaves `lens-photos`, 15 photos of a board held by hand, and
-`poses.csv`, 60 poses at which it sees the board.
+a phone answers it that serves as a webcam. In a folder it leaves `lens-photos`, 15 photos of a board held by hand,
+`poses.csv`, 60 poses at which it sees the board, and `goals.csv`, tips of ten others.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from examples.so101.tracker import arm_answers
 from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.opencv import opencv
-from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrmd.sim.control_socket import ControlError, control_path, query_board
 from lrmd.sim.process import OneLineParser
@@ -35,7 +37,7 @@ SCENE = PhotoScene()
 ARM = load_arm("so101")
 DRAWN = CameraRig(model_of(ARM, ()), CAMERA, board_mount(ARM))
 """The arm as drawn, the board on it, and where the camera stands."""
-LENS_PHOTOS, POSES = 15, 60
+LENS_PHOTOS, POSES, GOALS = 15, 60, 10
 NEAR = np.radians(12.0)
 """rad: a short move, which friction remembers."""
 
@@ -99,10 +101,12 @@ def server(link: Path, port: int) -> HTTPServer:
 
 
 def write_files(folder: Path) -> None:
-    """What a person has before the arm is measured: photos for the lens, and poses."""
+    """What a person has before the arm is measured: photos for the lens, poses, and goals."""
     write_lens_photos(folder / "lens-photos", SCENE, LENS_PHOTOS)
     header = ",".join(f"q{joint}_deg" for joint in range(1, ARM.dof + 1))
     np.savetxt(folder / "poses.csv", np.degrees(poses_for_photos(POSES, 1)), "%.3f", ",", header=header, comments="")
+    tips = solve_equilibrium(DRAWN.model, poses_of(poses_for_photos(2 * GOALS, 2)[::2])).tcp
+    np.savetxt(folder / "goals.csv", tips / MM, "%.1f", ",", header="x_mm,y_mm,z_mm", comments="")
 
 
 def main() -> None:

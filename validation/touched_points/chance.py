@@ -40,7 +40,7 @@ STATE = "last_pose"
 
 
 def hidden_model(name: str, touches: int) -> Model:
-    """The default effects, springs of those arms, and one effect of its typical size, half way through the touches."""
+    """The default effects with springs of those arms, and one of its typical size, half way through the touches."""
     effects = [effect for part in (*DEFAULT_EFFECTS, *([name] if name else [])) for effect in effects_at(ARM, part)]
     parts = [(e, key, part) for e in effects for key, part in zip(e.keys, e.parameters, strict=True)]
     free = [

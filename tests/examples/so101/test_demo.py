@@ -12,11 +12,13 @@ pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
 from examples.demo.conclusion import DemoTruth, conclude
 from examples.demo.steps import NamedEffect
+from examples.so101 import camera
 from examples.so101.camera import ARM, DRAWN, jpeg, poses_for_photos
 from examples.so101.demo import HIDDEN as SHOWN
 from examples.so101.demo import camera_noise_mm, goals_in_view, main, table
 from examples.so101.hidden_arm import ARM_FILE, HIDDEN, NAMED, SIMPLER, HiddenSo101, hidden_truth
 from examples.so101.true_tool import tools_after
+from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.measuring.camera.board import Corners, find_corners
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import tool_poses
@@ -96,3 +98,13 @@ def test_a_folder_that_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.Capt
     (tmp_path / "file").write_text("")
     assert main(["--out", str(tmp_path / "file" / "out"), "--seed", "1"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_camera_that_is_typed_leaves_photos_for_the_lens_and_poses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera, "LENS_PHOTOS", 1)
+    monkeypatch.setattr(camera, "POSES", 2)
+    camera.write_files(tmp_path)
+    assert [path.name for path in (tmp_path / "lens-photos").iterdir()] == ["lens0.png"]
+    assert DRAWN.shows(load_poses(tmp_path / "poses.csv", ARM).q).all()
