@@ -140,9 +140,10 @@ def shaping_text(info: InfoState) -> str:
         return "moves are not shaped, and replies have no settling time, without a motion model"
     if info.shaping == "off":
         kind = "timed" if info.pwm_hz < COARSE_HZ else "zv"
+        advice = frame_advice(info) if kind == "timed" else ""
         return (
             "moves are not shaped: lrmd.toml says [motion] shaping = 'off'; a client can ask for it, move by move\n"
-            f"against the swing at {info.pwm_hz:.0f} Hz: shaping = '{kind}'{frame_advice(info) if kind == 'timed' else ''}"
+            f"against the swing at {info.pwm_hz:.0f} Hz: shaping = '{kind}'{advice}"
         )
     advice = frame_advice(info) if info.shaping == "timed" else ""
     return f"moves are shaped from the next one on: {info.shaping} (lrmd.toml, [motion] shaping){advice}"
