@@ -188,7 +188,8 @@ def cut(
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Frames (S, T) of the moves, the last repeated in shorter ones, and which of them count.
 
-    `episodes`: how unfit for a cut each frame of an episode is, and its number. `longest_lead`: s. Raises `FileError`: too few moves.
+    `episodes`: how unfit for a cut each frame of an episode is, and its number. `longest_lead`: s.
+    Raises `FileError`: too few moves.
     """
     found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt, longest_lead)]
     pieces, leads = [piece for piece, _ in found], [lead for _, lead in found]
