@@ -50,13 +50,13 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests, three at a time: first all that compute, with mypy beside them, then the system's, which wait
+test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then the system's, which wait, four at a time
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
 	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
+	$(ONE_THREAD) $(BIN)/python -m pytest -n 4 --dist worksteal -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"

@@ -1,7 +1,8 @@
-"""`python -m examples.so101.camera LINK PORT`: a webcam beside the simulated SO-101, until that ends.
+"""`python -m examples.so101.camera LINK PORT [FOLDER]`: a webcam beside the simulated SO-101, until that ends.
 
 It sees the board on the gripper: each request of http://127.0.0.1:PORT/photo.jpg is answered with a picture of now, as
-a phone answers it that serves as a webcam.
+a phone answers it that serves as a webcam. In a folder it leaves `lens-photos`, 15 photos of a board held by hand, and
+`poses.csv`, 60 poses at which it sees the board.
 """
 
 from __future__ import annotations
@@ -16,14 +17,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.so101.tracker import arm_answers
 from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 from lrm_math.model.model import model_of
 from lrmd.sim.control_socket import ControlError, control_path, query_board
+from lrmd.sim.process import OneLineParser
 from validation.camera.rendered_photos import PhotoScene
-from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view
+from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view, write_lens_photos
 
 PAGE = "/photo.jpg"
 QUALITY = 95
@@ -31,6 +35,7 @@ SCENE = PhotoScene()
 ARM = load_arm("so101")
 DRAWN = CameraRig(model_of(ARM, ()), CAMERA, board_mount(ARM))
 """The arm as drawn, the board on it, and where the camera stands."""
+LENS_PHOTOS, POSES = 15, 60
 NEAR = np.radians(12.0)
 """rad: a short move, which friction remembers."""
 
@@ -93,9 +98,31 @@ def server(link: Path, port: int) -> HTTPServer:
     return serving
 
 
+def write_files(folder: Path) -> None:
+    """What a person has before the arm is measured: photos for the lens, and poses."""
+    write_lens_photos(folder / "lens-photos", SCENE, LENS_PHOTOS)
+    header = ",".join(f"q{joint}_deg" for joint in range(1, ARM.dof + 1))
+    np.savetxt(folder / "poses.csv", np.degrees(poses_for_photos(POSES, 1)), "%.3f", ",", header=header, comments="")
+
+
 def main() -> None:
-    """Serves photos."""
-    with server(Path(sys.argv[1]), int(sys.argv[2])) as serving:
+    """Serves photos. A wrong command line, or no arm, is one line on stderr and exit code 2."""
+    usage = "python -m examples.so101.camera LINK PORT [FOLDER]"
+    parser = OneLineParser("python -m examples.so101.camera", usage, "A webcam beside the simulated SO-101.")
+    parser.add_argument("link", metavar="LINK", type=Path, help="device of the simulated arm, such as /tmp/so101")
+    parser.add_argument("port", metavar="PORT", type=int, help="of http://127.0.0.1:PORT/photo.jpg")
+    parser.add_argument("folder", metavar="FOLDER", type=Path, nargs="?", help="for lens-photos and poses.csv")
+    try:
+        given = parser.parse_args()
+        if not arm_answers(given.link, LATE_S):
+            started = f"start it first: python -m examples.so101 {given.link} gain 1"
+            raise LrmError(f"{given.link}: no simulated arm; {started}")
+    except LrmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    if given.folder is not None:
+        write_files(given.folder)
+    with server(given.link, given.port) as serving:
         print(f"a camera at http://127.0.0.1:{serving.server_address[1]}{PAGE}", flush=True)
         serving.serve_forever()
 

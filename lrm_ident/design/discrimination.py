@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import fdtri, ncfdtr
 
 from lrm_ident.design.observability import MM_PER_M
@@ -144,6 +143,8 @@ def _power(noncentrality: float, size: int, freedom: int) -> float:
 
 def _required_noncentrality(size: int, freedom: int) -> float:
     """The noncentrality at which the test has `TARGET_POWER`."""
+    from scipy.optimize import brentq  # takes a quarter of a second to load
+
     enough = 1.0
     while _power(enough, size, freedom) < TARGET_POWER:
         enough *= 2.0

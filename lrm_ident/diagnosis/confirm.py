@@ -29,7 +29,12 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, rolling_origin_squares, same_forecasts
+from lrm_ident.residual.deployment.rolling_origin import (
+    allows_rolling_origin,
+    changes_too_late,
+    rolling_origin_squares,
+    same_forecasts,
+)
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
@@ -252,10 +257,12 @@ def _not_better_later(effect: Effect, before: Fit, after: Fit, data: Measurement
     """RMS (m) of later poses predicted from those before them, without and with an effect of a session whose forecasts
     are not surely better; None where they are, or cannot judge it.
 
-    Whether a state outlasts its session only later poses can tell. Other effects, and a change after the last forecast
-    began, are judged by the cross-validation alone.
+    Whether a state outlasts its session only later poses can tell. Other effects, and a change about when the last
+    forecast began or after, are judged by the cross-validation alone.
     """
     if not of_a_session(effect) or effect.part is ModelPart.MEASUREMENT or not allows_rolling_origin(data):
+        return None
+    if changes_too_late(effect, after.model, data):
         return None
     without, with_it = rolling_origin_squares(before, data), rolling_origin_squares(after, data)
     if same_forecasts(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:

@@ -32,7 +32,7 @@ FROM_DATA = (
     "size: these poses cannot distinguish it from others, or do not show it."
 )
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
-DIAGNOSE_WILL = "Names the effect that the model lacks, where these poses show it."
+DIAGNOSE_WILL = "Names the effect that the model lacks, if these poses show it."
 MOSTLY_TOLD, OUTLIERS_SHOWN, MUCH = 0.5, 4, 1.5
 
 
@@ -233,7 +233,7 @@ def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
     """What the error depends on most, if on anything."""
     if factors and factors[0].share >= LITTLE:
         share = in_percent(factors[0].share)
-        yield f"It depends most on the {factors[0].name} ({share} % of the squared error)."
+        yield f"The error depends most on the {factors[0].name} ({share} % of the squared error)."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:

@@ -139,11 +139,10 @@ def shaping_text(info: InfoState) -> str:
     if info.motion_model is None:
         return "moves are not shaped, and replies have no settling time, without a motion model"
     if info.shaping == "off":
-        kind = "timed" if info.pwm_hz < COARSE_HZ else "zv"
-        advice = frame_advice(info) if kind == "timed" else ""
+        kind, frames = ("timed", frame_advice(info)) if info.pwm_hz < COARSE_HZ else ("zv", "")
         return (
             "moves are not shaped: lrmd.toml says [motion] shaping = 'off'; a client can ask for it, move by move\n"
-            f"against the swing at {info.pwm_hz:.0f} Hz: shaping = '{kind}'{advice}"
+            f"against the swing at {info.pwm_hz:.0f} Hz: shaping = '{kind}'{frames}"
         )
     advice = frame_advice(info) if info.shaping == "timed" else ""
     return f"moves are shaped from the next one on: {info.shaping} (lrmd.toml, [motion] shaping){advice}"

@@ -28,17 +28,11 @@ def seeds_of(kind: DoorKind) -> range:
     return seeds(SLOW, 2) if kind.slow else seeds(QUICK, 20)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _its_processes_end() -> Iterator[None]:
-    """They took a quarter of a core from all tests that came later."""
-    yield
+@pytest.fixture(scope="module", params=door_kinds(), ids=lambda kind: kind.name)
+def kind(request: pytest.FixtureRequest) -> Iterator[DoorKind]:
+    """A kind of door; its processes end with it, which took a quarter of a core from all tests that came later."""
+    yield request.param
     ros2_door.end()
-
-
-@pytest.fixture(params=door_kinds(), ids=lambda kind: kind.name)
-def kind(request: pytest.FixtureRequest) -> DoorKind:
-    found: DoorKind = request.param
-    return found
 
 
 def test_nothing_moves_that_was_not_asked_for_after_the_last_stop(kind: DoorKind) -> None:

@@ -21,7 +21,6 @@ from lrm_math.model.covariance import Covariance, drawn_models
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
-from tests.support.sweep import seeds
 from validation.calibrated_ik import DISTINCT, distinct
 from validation.nameless_arm import measured
 
@@ -134,9 +133,9 @@ def test_all_branches_with_a_field_that_was_learned() -> None:
 @pytest.mark.parametrize("names", [("compliance",), KNOWN], ids=["plain", "laws"])
 def test_nearly_all_branches_with_rough_fields(names: tuple[str, ...]) -> None:
     """Fields of millimetres at the shortest waves fade within the limits: such a field folds the workspace anew."""
-    counts = np.array([beside_many_starts(with_field(names, seed), seed + 50, 30) for seed in seeds(2, 4)])
+    counts = np.array([beside_many_starts(with_field(names, seed), seed + 50, 30) for seed in range(4)])
     known, lacking = counts.sum(axis=0)
-    assert known > 37 * len(counts)
+    assert known > 150
     assert lacking <= 0.015 * known
 
 

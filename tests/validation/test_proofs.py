@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
+from tests.support.source_files import syntax_tree
 from validation.proofs.guarantees import guarantees
 from validation.proofs.history import continued, line_of
 from validation.proofs.pages import PAGES, pages
@@ -71,7 +72,7 @@ def test_every_test_that_holds_a_guarantee_is_there() -> None:
         assert guarantee.tests
         for test in guarantee.tests:
             file, _, name = test.partition("::")
-            tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+            tree = syntax_tree(ROOT / file)
             assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, test
 
 

@@ -39,8 +39,8 @@ WITHIN, PLACE_SD, COMPLIANCE = 1.5, 0.2, 0.045
 STATE = "last_pose"
 
 
-def hidden_model(name: str) -> Model:
-    """The default effects with springs of those arms, and one effect of its typical size."""
+def hidden_model(name: str, touches: int) -> Model:
+    """The default effects, springs of those arms, and one effect of its typical size, half way through the touches."""
     effects = [effect for part in (*DEFAULT_EFFECTS, *([name] if name else [])) for effect in effects_at(ARM, part)]
     parts = [(e, key, part) for e in effects for key, part in zip(e.keys, e.parameters, strict=True)]
     free = [
@@ -50,7 +50,7 @@ def hidden_model(name: str) -> Model:
     ]
     values = {key: part.typical for e, key, part in free if e.name == name}
     values |= {key: COMPLIANCE for _, key, _ in free if key.endswith("k_rad_per_Nm")}
-    values |= {key: 0.5 * TOUCHES for _, key, _ in parts if key.endswith(STATE)}
+    values |= {key: 0.5 * touches for _, key, _ in parts if key.endswith(STATE)}
     return model_of(ARM, effects, values).with_free(key for _, key, _ in free)
 
 
@@ -88,7 +88,7 @@ def main() -> None:
     print("|---" * 5 + "|")
     near = np.zeros(options.draws, dtype=np.int_)
     for case in CASES:
-        model = hidden_model(case.right[0] if case.right else NOTHING)
+        model = hidden_model(case.right[0] if case.right else NOTHING, options.touches)
         by = [
             tip_variances(model, plan.q, where, fresh),
             tip_variances(model, tracked.q, np.zeros(len(tracked.q), dtype=np.int_), fresh),

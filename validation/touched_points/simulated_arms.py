@@ -108,37 +108,72 @@ def of_model(name: str, values: dict[str, float], springs: tuple[float, float] =
     return drawn
 
 
-CASES = (
-    Cause("play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))),
-    Cause(
-        "friction that remembers in joint 2 (generator)", ("hysteresis@joint2", "friction_curve@joint2"),
-        of_generator(synthetic.FrictionLag(2, 1.6 * DEG, 8.0 * DEG)),
-    ),
-    Cause(
-        "gain of servo 3 on one side (generator)", ("servo_gain@joint3", "angle_curve@joint3"),
-        of_generator(synthetic.OneSidedGain(3, 1, 0.04, 6.0 * DEG)),
-    ),
-    Cause("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
-    Cause(
-        "joint 2 slips (generator)", ("change_point@joint2", "change_point@base"),
-        of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0)),
-    ),
-    Cause(
-        "alien: joint 2 errs by the sum of joints 1 and 3 (generator)", (),
-        of_generator(synthetic.EntangledJoint(2, (1, 3), 1.2 * DEG, "sum")),
-    ),
-    Cause("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
-    Cause("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
-         of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),
-    Cause("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
-         of_model("servo_gain@joint2", dict.fromkeys(BOTH_GAINS, 0.03))),
-    Cause("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
-    Cause("re-seated tip, 4 mm", ("change_point@tool",),
-         of_model("change_point@tool", {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": 30.0})),
-    Cause("re-seated tip, 3 mm askew", ("change_point@tool",),
-         of_model("change_point@tool", {"change_point.tool.before_y_mm": 2e-3, "change_point.tool.before_z_mm": 2.3e-3,
-                                        "change_point.tool.last_pose": 38.0})),
-)  # fmt: skip
+def cases(touches: int = TOUCHES) -> tuple[Cause, ...]:
+    """The twelve arms; what changes does so about the middle of so many touches."""
+    part = touches / TOUCHES
+    return (
+        Cause(
+            "play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))
+        ),
+        Cause(
+            "friction that remembers in joint 2 (generator)",
+            ("hysteresis@joint2", "friction_curve@joint2"),
+            of_generator(synthetic.FrictionLag(2, 1.6 * DEG, 8.0 * DEG)),
+        ),
+        Cause(
+            "gain of servo 3 on one side (generator)",
+            ("servo_gain@joint3", "angle_curve@joint3"),
+            of_generator(synthetic.OneSidedGain(3, 1, 0.04, 6.0 * DEG)),
+        ),
+        Cause("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
+        Cause(
+            "joint 2 slips (generator)",
+            ("change_point@joint2", "change_point@base"),
+            of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0 * part)),
+        ),
+        Cause(
+            "alien: joint 2 errs by the sum of joints 1 and 3 (generator)",
+            (),
+            of_generator(synthetic.EntangledJoint(2, (1, 3), 1.2 * DEG, "sum")),
+        ),
+        Cause(
+            "play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})
+        ),
+        Cause(
+            "hysteresis in joint 3",
+            ("hysteresis@joint3", "friction_curve@joint3"),
+            of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG}),
+        ),
+        Cause(
+            "gain of servo 2",
+            ("servo_gain@joint2", "angle_curve@joint2"),
+            of_model("servo_gain@joint2", dict.fromkeys(BOTH_GAINS, 0.03)),
+        ),
+        Cause("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
+        Cause(
+            "re-seated tip, 4 mm",
+            ("change_point@tool",),
+            of_model(
+                "change_point@tool",
+                {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": round(30.0 * part)},
+            ),
+        ),
+        Cause(
+            "re-seated tip, 3 mm askew",
+            ("change_point@tool",),
+            of_model(
+                "change_point@tool",
+                {
+                    "change_point.tool.before_y_mm": 2e-3,
+                    "change_point.tool.before_z_mm": 2.3e-3,
+                    "change_point.tool.last_pose": round(38.0 * part),
+                },
+            ),
+        ),
+    )
+
+
+CASES = cases()
 
 
 def joint_step(q: Array, error: Array) -> Array:
@@ -232,10 +267,10 @@ def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
     return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
 
 
-def of_case(number: int, case: Cause, seed: int, most: int) -> tuple[bool, float]:
+def of_case(number: int, case: Cause, seed: int, most: int, count: int) -> tuple[bool, float]:
     """Prints one row; whether the name is right or nothing wrong was claimed, and the ratio of tip errors."""
     tips = case.tips(seed)
-    q, names, where, seen = touched(tips, seed)
+    q, names, where, seen = touched(tips, seed, count)
     board = SocketBoard()
     with tempfile.TemporaryDirectory() as folder:
         touches = loaded(
@@ -262,13 +297,15 @@ def of_case(number: int, case: Cause, seed: int, most: int) -> tuple[bool, float
 
 def main() -> None:
     """Prints a row for each arm, and the counts."""
-    options = asked(__doc__, seed=1, only=("", "numbers of cases by commas"), most=(2, "effects that auto may add"))
+    more = {"only": ("", "numbers of cases by commas"), "most": (2, "effects that auto may add"), "touches": TOUCHES}
+    options = asked(__doc__, seed=1, **more)
+    every = cases(options.touches)
     chosen = [int(word) for word in options.only.split(",") if word] or range(1, len(CASES) + 1)
     print("case | hidden | by sockets (verdict) | name | by tracker | sockets mm | tracker mm | ratio")
     found = []
     for number in chosen:
         try:
-            found.append(of_case(number, CASES[number - 1], options.seed + number, options.most))
+            found.append(of_case(number, every[number - 1], options.seed + number, options.most, options.touches))
         except NoEquilibrium as error:
             print(f"{number} | {CASES[number - 1].words} | {error}")
     honest, ratios = sum(ok for ok, _ in found), [ratio for _, ratio in found]

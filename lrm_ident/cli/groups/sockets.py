@@ -20,6 +20,8 @@ from lrm_ident.measuring.sockets.solid import stl
 from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
 from lrm_math.errors import FileError, LrmError
 
+BY_HAND_S = 30.0
+"""That a touch takes by hand, with the moves of the board: 20 touches in ten minutes (docs/sockets.md)."""
 sockets_command = command_of(command_group("sockets", "Measure by holding the tip in sockets; no tracker."))
 
 
@@ -66,7 +68,7 @@ def plan(
         Option(metavar="TOML", help="The file that sockets board wrote. Default: the board of its default size."),
     ] = None,
     arm: arg.ArmName = None,
-    count: Annotated[int, Option("-n", "--count", min=1, help="How many touches.")] = 20,
+    count: Annotated[int, Option("-n", "--count", min=1, help="How many touches.")] = 24,
     placements: Annotated[int, Option(min=1, max=5, help="At how many placements of the board.")] = 3,
     noise_mm: Annotated[float, Option(min=1e-3, help="Noise of a touch per axis: how exactly the tip sits.")] = 0.2,
     seed: arg.Seed = 0,
@@ -88,6 +90,12 @@ def plan(
         f"Expected error of the tip: {found.tip_error / MM:.2f} mm RMS by the noise of {noise_mm:g} mm per axis "
         f"(random postures at these placements: {found.random_tip_error / MM:.2f} mm; a tracker of this noise: "
         f"{found.tracker_error / MM:.2f} mm).",
+        "By number of touches (-n): "
+        + "; ".join(
+            f"{touches}: {error / MM:.2f} mm, {touches * BY_HAND_S / 60.0:.0f} min by hand"
+            for touches, error in found.error_of.items()
+        )
+        + ".",
     )
     write_text(output, found.csv())
     show(

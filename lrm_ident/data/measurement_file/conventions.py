@@ -125,7 +125,8 @@ def conventions_of(path: Path, arm: Arm, reading: Reading, usual: Reading | None
 
 
 def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
-    """The arm that is named, or that the file beside the data names. Raises `FileError`."""
+    """The arm that is named, or that the file beside the data names: a shipped one, or a path relative to the folder of
+    the data, else to the working directory. Raises `FileError`."""
     if arm is not None:
         return arm, load_arm(arm)
     metadata = metadata_of(data) if data.exists() else None
@@ -135,7 +136,9 @@ def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
         names = f"{', '.join(sorted(shipped_arms()))} or an arm file of your own (lrm-ident arm import, arm new)"
         right = f"name it with --arm, or as arm in the .toml file beside the data: {names}"
         raise FileError(data, "", "no arm given", right)
-    return metadata.arm, load_arm(metadata.arm)
+    beside = data.parent / metadata.arm
+    named = str(beside) if metadata.arm not in shipped_arms() and beside.exists() else metadata.arm
+    return named, load_arm(named)
 
 
 def axes_matrix(axes: str) -> Array:

@@ -54,6 +54,8 @@ REACHABLE, FRESH, PLACE_SD = 0.9, 200, 0.2
 """Share of the sockets' postures without which a placement is none, poses at which the tip is predicted, and m and rad
 by which it is known where a board stands."""
 RANDOM_DRAWS = 9
+LEAST, COUNTS = 5, (20, 24, 36, 60)
+"""Touches of a placement, and numbers of touches whose expected error is stated, so that a person can choose."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ class TouchPlan:
         tip_error, random_tip_error: RMS distance (m) of the tip from where it will be predicted, as far as the noise
             goes; the second with as many random postures at the same placements.
         tracker_error: the same by a tracker of this noise at the same poses, which has one frame for all of them.
+        error_of: tip_error by number of touches, this one and others planned at the same placements.
     """
 
     placements: tuple[BoardPlacement, ...]
@@ -104,6 +107,7 @@ class TouchPlan:
     tip_error: float
     random_tip_error: float
     tracker_error: float
+    error_of: Mapping[int, float]
 
     def csv(self) -> str:
         """As a file of touches to make, angles in deg."""
@@ -141,8 +145,8 @@ def plan_touches(
 
     Raises `LrmError`: too few of them, or an arm that reaches the board at too few placements.
     """
-    if count < 5 * placements:
-        raise LrmError(f"{count} touches at {placements} placements; should be {5 * placements} or more")
+    if count < LEAST * placements:
+        raise LrmError(f"{count} touches at {placements} placements; should be {LEAST * placements} or more")
     problem = _Problem.of(arm, noise, seed)
     possible = []
     every = [*product(FLAT + RAISED, PANS)]
@@ -237,7 +241,9 @@ class _Problem:
         known[:P, :P] = self.prior
         known[range(P, width), range(P, width)] = PLACE_SD**-2.0
         where = np.concatenate([np.full(len(touches.q), number) for number, touches in enumerate(chosen, start=1)])
-        rows = self.rng.permutation(exchange(columns, count, starts=2, prior_information=known).rows)
+        counts = {count, *(each for each in COUNTS if LEAST * len(chosen) <= each <= len(columns))}
+        best = {each: exchange(columns, each, starts=2, prior_information=known).rows for each in counts}
+        rows = self.rng.permutation(best[count])
         rows = rows[np.argsort(where[rows], kind="stable")]
         names = [name for touches in chosen for name in touches.points]
         drawn = [self.rng.choice(len(where), count, replace=False) for _ in range(RANDOM_DRAWS)]
@@ -250,6 +256,7 @@ class _Problem:
             tip_error=errors[0],
             random_tip_error=float(np.median(errors[1:])),
             tracker_error=self._error_of(_in_one_frame(columns[rows], P), known[: P + 6, : P + 6]),
+            error_of={each: self._error_of(columns[best[each]], known) for each in sorted(best)},
         )
 
     def _error_of(self, columns: Array, known: Array) -> float:

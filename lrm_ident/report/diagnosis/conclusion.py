@@ -36,6 +36,8 @@ FIRST = (
 """Facts that page and report show before the others are unfolded."""
 FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
+STOPGAP = "or, without new poses"
+"""Lead of the command for whoever does not measure the poses that the first one writes."""
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
@@ -306,7 +308,10 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     ]
     if not others:
         return "no other known cause explains any of it"
-    return f"every other known cause leaves ≈ {in_mm(min(one.scored.alone.rms for one in others))} mm or more"
+    least = min(one.scored.alone.rms for one in others)
+    curves = (one for one in report.ranking if one is not first and one.scored.candidate.effect.is_free_form)
+    aside = " (curves, which follow any cause, aside)" if any(one.scored.alone.rms < least for one in curves) else ""
+    return f"every other known cause leaves ≈ {in_mm(least)} mm or more{aside}"
 
 
 def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -373,9 +378,9 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     lead, words = "or", "Adds it to the model and refits all parameters."
     if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
         yield _to_distinguish(advice.plan.options, causes_of(report), names)
-        lead, words = "now", "Adds it, though its cause is not certain."
+        lead, words = STOPGAP, "Adds it, though its cause is not certain."
     if attribution == Support.DESCRIPTION:
-        yield NextStep("Corrects the error without knowing its cause.", add, lead="now")
+        yield NextStep("Corrects the error without knowing its cause.", add, lead=STOPGAP)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"

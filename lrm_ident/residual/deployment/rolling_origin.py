@@ -15,12 +15,15 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.deployment.carried_states import FEWEST, with_carried_states
 from lrm_math.arrays import Array
+from lrm_math.effects import Effect
 from lrm_math.model.deployed_model import as_deployed, as_deployed_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 FIRST_SHARE, WINDOWS = 0.75, 2
 """Share of the poses before the first forecast; number of forecasts, each of as many poses."""
+STEP = "last_pose"
+"""Name of the parameter that says after which pose an effect changes the arm."""
 SAME = 1e-3
 """Part of the mean square by which forecasts of no pose differ where an effect began after the last of them."""
 
@@ -31,6 +34,14 @@ def allows_rolling_origin(data: Measurements) -> bool:
     return enough and data.poses.number is not None and not joints_of_order(data.poses.q)
 
 
+def changes_too_late(effect: Effect, model: Model, data: Measurements) -> bool:
+    """Whether an effect changes the arm with fewer than `FEWEST` poses behind it before the last forecast begins: what
+    is after the change is then hardly known to the forecasts."""
+    steps = [model.value(key) for key, one in zip(effect.keys, effect.parameters, strict=True) if one.name == STEP]
+    number = data.poses.names(np.arange(_edges(data)[-2]))
+    return any(np.count_nonzero(np.array(number) > step) < FEWEST for step in steps)
+
+
 def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
     """(M,), squared errors (m²) of the last quarter of the poses, predicted as deployed by fits to those before.
 
@@ -39,13 +50,17 @@ def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
     Raises `LrmError`: a fit does not converge.
     """
     rows, known, unknown = np.arange(len(data)), list[Array](), list[Array]()
-    edges = np.linspace(FIRST_SHARE * len(data), len(data), WINDOWS + 1).round().astype(np.int64)
-    for begin, end in pairwise(edges.tolist()):
+    for begin, end in pairwise(_edges(data)):
         before, later = data.take(rows[:begin]), data.take(rows[begin:end])
         model = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before).model
         known.append(_squares(as_deployed_at(model, later.poses), later))
         unknown.append(_squares(as_deployed(model), later))
     return min(np.concatenate(known), np.concatenate(unknown), key=lambda squares: float(squares.mean()))
+
+
+def _edges(data: Measurements) -> list[int]:
+    """Rows at which forecasts begin, and the end of the last one."""
+    return [round(row) for row in np.linspace(FIRST_SHARE * len(data), len(data), WINDOWS + 1).tolist()]
 
 
 def _squares(deployed: Model, later: Measurements) -> Array:

@@ -1,16 +1,13 @@
-"""A running `lrmd`, listened to over zenoh: where its arm is commanded, and where the model thinks the tip is."""
+"""A running `lrmd`, asked by its client: where its arm is commanded, and where the model thinks the tip is."""
 
 from __future__ import annotations
 
-import json
+import atexit
 import threading
-import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Self
 
-import msgpack
 import numpy as np
-import zenoh
 
 from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_math.arrays import Array
@@ -18,8 +15,10 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from lrmd.client import JointsState, ModeState, Rover
 
-SILENT_S = 2.0
+LOOK_S, AGAIN_S = 0.2, 2.0
+"""s between two questions, and until a daemon that was silent is asked anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,60 +50,49 @@ class RoverTip:
 
 @dataclass
 class RoverLink:
-    """A connection to one daemon; takes in its states as they come."""
+    """A daemon that is asked for its state again and again, in a thread of its own: the page never waits for it."""
 
-    robot: str
-    endpoint: str
-    joints: dict[str, Any] = field(default_factory=dict)
-    mode: dict[str, Any] = field(default_factory=dict)
-    heard: float = float("-inf")
-    failure: str = ""
-    _session: Any = None
+    rover: Rover
+    failure: str = "connecting"
+    _state: tuple[JointsState, ModeState] | None = None
+    _ended: threading.Event = field(default_factory=threading.Event)
+
+    @classmethod
+    def to(cls, robot: str, endpoint: str) -> Self:
+        """A link that has not begun. Raises `LrmError`: no name of a robot, no endpoint of zenoh."""
+        return cls(Rover(robot, [endpoint]))
 
     def start(self) -> None:
-        """Connects, without waiting for it: `tip` has the result."""
-        threading.Thread(target=self._open, daemon=True).start()
-
-    def _open(self) -> None:
-        config = zenoh.Config()
-        settings = {"mode": "client", "connect/endpoints": [self.endpoint], "scouting/multicast/enabled": False}
-        try:
-            for key, value in settings.items():
-                config.insert_json5(key, json.dumps(value))
-            self._session = zenoh.open(config)
-        except zenoh.ZError:
-            self.failure = f"no connection to {self.endpoint}; is lrmd running, and is the endpoint written so?"
-            return
-        for name, store in (("joints", self.joints), ("mode", self.mode)):
-            self._session.declare_subscriber(f"lrm/{self.robot}/state/{name}", lambda s, of=store: self._take(of, s))
+        """Begins to ask, until `close` or the end of the program, which zenoh does not survive amid a query."""
+        asking = threading.Thread(target=self._ask, daemon=True)
+        asking.start()
+        atexit.register(asking.join, AGAIN_S)
+        atexit.register(self.close)
 
     def close(self) -> None:
-        """Ends the connection."""
-        if self._session is not None:
-            self._session.close()
-            self._session = None
+        """Ends it."""
+        self._ended.set()
 
     def tip(self, model: Model) -> RoverTip:
         """Position of the arm now. Raises `LrmError` if the daemon is silent or has another arm."""
-        if self.failure:
+        if self._state is None:
             raise LrmError(self.failure)
-        if time.monotonic() - self.heard > SILENT_S:
-            raise LrmError(f"nothing is heard of the robot '{self.robot}' at {self.endpoint}; is the name right?")
-        known = dict(zip(self.joints.get("names", []), self.joints.get("q_rad", []), strict=True))
+        joints, mode = self._state
+        known = dict(zip(joints.names, joints.q_rad, strict=True))
         names = [f"joint{i + 1}" for i in range(model.arm.dof)]
         missing = [name for name in names if name not in known]
         if missing:
-            raise LrmError(f"the robot '{self.robot}' has no {missing[0]}: is it another arm?")
-        q, load = np.array([known[name] for name in names]), float(self.mode.get("payload_kg", 0.0))
+            raise LrmError(f"the robot '{self.rover.robot}' has no {missing[0]}: is it another arm?")
+        q, load = np.array([known[name] for name in names]), mode.payload_kg
         lines = [arm_lines(solve_equilibrium(one, poses_of(q, load)))[0] for one in (model_of(model.arm, ()), model)]
-        mode = f"{self.mode.get('mode', 'mode unknown')} ({self.mode.get('why', '')})"
-        return RoverTip(mode, q, load, *lines)
+        return RoverTip(f"{mode.mode} ({mode.why})", q, load, *lines)
 
-    def _take(self, store: dict[str, Any], sample: Any) -> None:
-        try:
-            state = msgpack.unpackb(sample.payload.to_bytes())
-        except ValueError:
-            return
-        if isinstance(state, dict):
-            store.update(state)
-            self.heard = time.monotonic()
+    def _ask(self) -> None:
+        while not self._ended.is_set():
+            try:
+                with self.rover as rover:
+                    while not self._ended.wait(LOOK_S):
+                        self._state = rover.joints(), rover.mode()
+            except LrmError as error:
+                self._state, self.failure = None, str(error)
+                self._ended.wait(AGAIN_S)

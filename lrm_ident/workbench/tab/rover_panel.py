@@ -30,7 +30,7 @@ class RoverPanel:
         from lrm_ident.workbench.tab.rover_link import RoverLink
 
         self.hang_up()
-        self.link = RoverLink(robot, endpoint)
+        self.link = RoverLink.to(robot, endpoint)
         self.link.start()
         ui.context.client.on_disconnect(self.hang_up)
 

@@ -7,14 +7,12 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import msgpack
 import pytest
 
-import lrmd
 from lrmd.api.publisher import StatePublisher
 from lrmd.api.supervisor import ChildProcess
 from lrmd.api.zenoh_server import COMMANDS, REQUESTS
@@ -29,10 +27,10 @@ from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.message_schemas import every_message
+from tests.support.source_files import files, syntax_tree
 
 TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 MESSAGES = every_message()
-SOURCES = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(Path(lrmd.__path__[0]).rglob("*.py"))]
 
 UNITS = {
     "rad": "rad", "rad_per_s": "rad/s", "us": "µs", "ms": "ms", "ns": "ns", "s": "s", "kg": "kg", "m": "m", "nm": "N·m",
@@ -174,7 +172,9 @@ def test_every_example_is_a_message_and_none_is_missing(name: str) -> None:
 
 def literals(pattern: str) -> set[str]:
     """Every text in lrmd that is like this and nothing else."""
-    constants = (node for tree in SOURCES for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    constants = (
+        node for tree in map(syntax_tree, files("lrmd")) for node in ast.walk(tree) if isinstance(node, ast.Constant)
+    )
     return {c.value for c in constants if isinstance(c.value, str) and re.fullmatch(pattern, c.value)}
 
 
@@ -196,7 +196,7 @@ def test_every_key_is_in_the_table_with_its_message() -> None:
 
 
 def calls(*names: str) -> Iterator[ast.Call]:
-    for tree in SOURCES:
+    for tree in map(syntax_tree, files("lrmd")):
         for node in ast.walk(tree):
             if isinstance(node, ast.Call):
                 called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")

@@ -15,6 +15,7 @@ from examples.so101.launch import simulated_so101
 from lrmd.sim.control_socket import query_board
 from tests.support.commands import run_command, stderr_of
 from tests.support.daemon.daemon_process import wait_for
+from tests.support.sweep import soak
 
 pytestmark = pytest.mark.long
 
@@ -45,7 +46,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+@pytest.mark.parametrize("kind", ["feetech", *soak("dynamixel")])
 def test_it_says_what_it_does_and_records_it(tmp_path: Path, kind: str) -> None:
     path, recording = tmp_path / "moves.csv", tmp_path / "recording.csv"
     path.write_text(GOOD)

@@ -53,6 +53,7 @@ def test_every_command_with_servos_runs_as_it_stands(tmp_path: Path, monkeypatch
     assert after < 0.3 * before
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_the_camera_takes_its_photos_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Takes ten poses, and a lens that is known."""

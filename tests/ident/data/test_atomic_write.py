@@ -161,6 +161,11 @@ def test_a_file_is_replaced_as_long_as_it_is_the_tools(
 
 
 @pytest.mark.long
+def _of_base(call: ast.Call) -> bool:
+    """Is it a method of the class above, which opens no path."""
+    return isinstance(call.func, ast.Attribute) and ast.unparse(call.func.value) == "super()"
+
+
 def test_one_place_writes() -> None:
     """Only `atomic_write` opens files for writing; else only into folders of the tool's own."""
     found = []
@@ -171,8 +176,7 @@ def test_one_place_writes() -> None:
             method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
             texts = (a.value for a in node.args[:2] if isinstance(a, ast.Constant) and isinstance(a.value, str))
             mode = next(texts, "")
-            of_base = isinstance(node.func, ast.Attribute) and ast.unparse(node.func.value) == "super()"  # no path
-            if (method in WRITES and not of_base) or (method == "open" and set(mode) & set("wax+")):
+            if (method in WRITES and not _of_base(node)) or (method == "open" and set(mode) & set("wax+")):
                 found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert {place.split(":")[0] for place in found} <= {
         "lrm_ident/measuring/campaign/data_file.py",  # appends to a campaign's own file

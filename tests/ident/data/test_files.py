@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.commanded_poses import directions
+from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
@@ -222,3 +224,12 @@ def test_feedback_beside_commanded_poses_is_read_in_the_order_and_with_the_signs
     assert feedback is not None
     assert sd is None
     np.testing.assert_allclose(np.degrees(feedback[0]), np.array(order) * sign)
+
+
+def test_an_arm_file_beside_the_data_is_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copy(shipped_arms()["two-joint"], tmp_path / "mine.toml")
+    (tmp_path / "data.csv").write_text("pose,q1_deg,q2_deg,x_mm,y_mm,z_mm\n1,0,0,1,2,3\n")
+    (tmp_path / "data.toml").write_text('schema = "lrm/measurements/1"\narm = "mine.toml"\n')
+    monkeypatch.chdir("/")
+    name, arm = arm_for(tmp_path / "data.csv", None)
+    assert (name, arm) == (str(tmp_path / "mine.toml"), load_arm("two-joint"))

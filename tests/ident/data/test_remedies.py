@@ -24,7 +24,7 @@ from tests.conftest import ROOT
 from tests.ident.data.test_every_form import cells
 from tests.ident.measuring.recordings.test_lerobot import written as dataset
 from tests.support.commands import run_command
-from tests.support.source_files import files
+from tests.support.source_files import files, syntax_tree
 from tests.support.vendor_robots import vendor_parts
 
 pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
@@ -338,7 +338,7 @@ def advised() -> Iterator[tuple[Path, str]]:
     """Options in texts of the packages' code, docstrings and f-strings included."""
     for package in ("lrm_ident", "lrm_math"):
         for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
+            for node in ast.walk(syntax_tree(path)):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield from ((path, option) for option in OPTION.findall(node.value))
 
@@ -379,7 +379,7 @@ def test_no_message_advises_an_option_that_no_test_follows() -> None:
         f"{path.relative_to(ROOT)}: {option}"
         for package in ("lrm_ident", "lrm_math", "lerobot_robot_lrm")
         for path in files(package)
-        for words in messages(ast.parse(path.read_text()))
+        for words in messages(syntax_tree(path))
         for option in OPTION.findall(words)
         if option not in typed
     }

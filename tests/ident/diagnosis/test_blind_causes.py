@@ -82,6 +82,7 @@ def test_what_slips_stays_where_it_slipped_to() -> None:
     np.testing.assert_array_equal(np.diff(walked[:, 2], prepend=0.0) != 0.0, wide)
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [case for case in BLIND_CASES if case.truths != ()], ids=lambda case: case.name)
 def test_the_tip_errs_by_some_millimetres(case: Case) -> None:

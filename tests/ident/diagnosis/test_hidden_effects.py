@@ -145,6 +145,7 @@ def test_size_zero_changes_nothing(arm: ArmDescription, effect: HiddenEffect) ->
     np.testing.assert_allclose(seen[1], seen[0], atol=1e-13)
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*SINGLE, *OUTSIDE])
 def test_cases_have_a_size_worth_finding(arm: ArmDescription, name: str) -> None:

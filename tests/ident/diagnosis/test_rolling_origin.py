@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,11 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis import confirm
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, rolling_origin_squares
+from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, changes_too_late, rolling_origin_squares
 from lrm_ident.study.study import Study
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import ModelPart, effects_at
+from lrm_math.kinematics.poses import poses_of
 from validation.as_deployed.worlds import SimulatedCase
 
 Patch = pytest.MonkeyPatch
@@ -42,9 +46,22 @@ def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Pa
 def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", part: object = ModelPart.ARM) -> bool:
     """Whether there is an objection to an effect with these forecasts, squared errors (M,)."""
     patch.setattr(confirm, "allows_rolling_origin", lambda _: True)
-    patch.setattr(confirm, "rolling_origin_squares", lambda squares, _: squares)
+    patch.setattr(confirm, "changes_too_late", lambda *_: False)
+    patch.setattr(confirm, "rolling_origin_squares", lambda fitted, _: fitted.squares)
     effect: Any = SimpleNamespace(depends_on=(depends_on,), part=part)
-    return confirm._not_better_later(effect, without, with_it, None) is not None  # type: ignore[arg-type]
+    fits: list[Any] = [SimpleNamespace(squares=squares, model=None) for squares in (without, with_it)]
+    nothing: Any = None
+    return confirm._not_better_later(effect, *fits, nothing) is not None
+
+
+@pytest.mark.parametrize(("step", "late"), [(24.0, False), (25.0, False), (26.0, True), (31.0, True)])
+def test_a_change_needs_ten_poses_behind_it_to_be_forecast(step: float, late: bool) -> None:
+    """Of 40 poses, the last five are forecast last."""
+    [effect] = effects_at(load_arm("so101"), "change_point@tool")
+    model: Any = SimpleNamespace(value=lambda _: step)
+    poses, number = poses_of(np.zeros((40, 5))), np.arange(1, 41)
+    data = Measurements(replace(poses, number=number), number, np.zeros((40, 3)), None, None, number, Path("few"), "")
+    assert changes_too_late(effect, model, data) is late
 
 
 def test_a_gain_within_its_spread_is_not_shown(monkeypatch: Patch) -> None:

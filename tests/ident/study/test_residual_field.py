@@ -125,6 +125,7 @@ def by_command(real: Measurements, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder / "field.toml", " ".join(stdout_of(*words, "--all").split())
 
 
+@pytest.mark.soak
 @pytest.mark.long
 def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[Path, str]) -> None:
     read = read_study(by_command[0], real.path)
@@ -136,6 +137,7 @@ def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[
     assert read.held_out.error.rms * 1e3 == pytest.approx(after, rel=1e-3)
 
 
+@pytest.mark.soak
 @pytest.mark.long
 def test_the_command_says_that_it_is_no_cause(real: Measurements, by_command: tuple[Path, str]) -> None:
     file, out = by_command

@@ -73,6 +73,7 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     assert not seen.errors, seen.errors
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_where_it_does_not_help_the_page_says_so(browser: Any, tmp_path: Path) -> None:
     with workbench(nameless(tmp_path, 0.0), "--arm", "lrm-lab", cwd=tmp_path) as running:

@@ -14,7 +14,7 @@ from tests.support.geometry import faults_of_geometry
 
 RANKED = "lrm.state.values.ranking.length > 0"
 SETTLED_MS = 700
-WIDTHS = (1440, 1024, 390)
+WIDTHS = (390, 1024, 1440)
 EFFECTS = ("backlash@joint2", "cable_curve@joint1+joint2", "hysteresis@joint3", "base_curve@base")
 """Of one joint, of two, of a direction, of the base."""
 

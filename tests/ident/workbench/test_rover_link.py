@@ -1,20 +1,18 @@
-"""The workbench beside a daemon: states come over zenoh, the model says where the tip is."""
+"""The workbench beside a daemon: its client is asked for states, the model says where the tip is."""
 
 from __future__ import annotations
 
-import json
-import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
-import msgpack
 import numpy as np
 import pytest
-import zenoh
 
 import lrm_ident as lrm
 from lrm_ident.fitting.model_fit import nominal_model
+from lrm_ident.workbench.tab import rover_link
 from lrm_ident.workbench.tab.rover_link import RoverLink
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
@@ -24,46 +22,64 @@ Q = np.radians([10.0, -30.0, 40.0, 5.0, -20.0, 15.0])
 PATIENCE_S = 30.0
 
 
-@pytest.fixture
-def daemon() -> Iterator[tuple[str, Any]]:
-    """An endpoint at which a router of zenoh listens, and its session."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    config = zenoh.Config()
-    settings = {"mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False}
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    session = zenoh.open(config)
-    yield endpoint, session
-    session.close()
+class SixJoints:
+    """A daemon's client; silent after `answers` answers."""
+
+    robot = "rover"
+
+    def __init__(self, answers: int = 1000) -> None:
+        self.answers = answers
+
+    def __enter__(self) -> SixJoints:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def joints(self) -> Any:
+        self.answers -= 1
+        if self.answers < 0:
+            raise LrmError("no reply of the robot 'rover'")
+        return SimpleNamespace(names=[*(f"joint{i + 1}" for i in range(6)), "gripper"], q_rad=[*Q.tolist(), 0.1])
+
+    def mode(self) -> Any:
+        return SimpleNamespace(mode="armed", why="test", payload_kg=0.05)
 
 
-def test_the_tip_of_a_rover(daemon: tuple[str, Any], lab: Arm) -> None:
-    endpoint, session = daemon
+def until(link: RoverLink, model: Any, reached: Callable[[str], bool]) -> Any:
+    """The tip, or the words of the failure, once they are as expected."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        try:
+            found, words = (tip := link.tip(model)), tip.words
+        except LrmError as error:
+            found, words = None, str(error)
+        if reached(words):
+            return found
+        time.sleep(0.01)
+    raise AssertionError(words)
+
+
+def test_the_tip_of_a_rover(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rover_link, "LOOK_S", 0.01)
     model = nominal_model(lab)
     model = model.with_values(np.where([key.startswith("compliance.") for key in model.keys], 0.05, 0.0))
-    link = RoverLink("rover", endpoint)
+    rover: Any = SixJoints(5)
+    link = RoverLink(rover)
     link.start()
-    names = [f"joint{i + 1}" for i in range(6)]
-    joints = msgpack.packb({"names": [*names, "gripper"], "q_rad": [*Q.tolist(), 0.1]})
-    mode = msgpack.packb({"mode": "armed", "why": "test", "payload_kg": 0.05})
-    end, tip = time.monotonic() + PATIENCE_S, None
-    while tip is None:
-        assert time.monotonic() < end, link.failure
-        session.put("lrm/rover/state/mode", mode)
-        session.put("lrm/rover/state/joints", joints)
-        time.sleep(0.05)
-        if link.joints and link.mode:
-            tip = link.tip(model)
-    link.close()
+    tip = until(link, model, lambda words: "armed" in words)
     assert tip.bent[-1] == pytest.approx(lrm.predict(model, poses_of(Q, 0.05))[0], abs=1e-12)
     assert tip.nominal[-1] == pytest.approx(lrm.predict(nominal_model(lab), poses_of(Q))[0], abs=1e-12)
-    assert "armed" in tip.words
+    until(link, model, lambda words: "no reply" in words)
+    rover.answers = 5
+    until(link, model, lambda words: "armed" in words)
+    link.close()
 
 
 def test_no_rover_is_said_so(lab: Arm) -> None:
-    link = RoverLink("rover", "tcp/127.0.0.1:1")
+    link = RoverLink.to("rover", "tcp/127.0.0.1:1")
     link.start()
-    with pytest.raises(LrmError, match=r"rover|connection"):
-        link.tip(nominal_model(lab))
+    until(link, nominal_model(lab), lambda words: "no connection to tcp/127.0.0.1:1" in words)
+    link.close()
+    with pytest.raises(LrmError, match="letters, digits"):
+        RoverLink.to("a robot", "tcp/127.0.0.1:1")

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.claim import DISPLAY_UNITS
@@ -178,6 +177,8 @@ def von_neumann_ratio(form: Array, *drivers: Array) -> float:
 
     Poses that stand at the same place are neighbours of one another in no order: each of any other.
     """
+    from scipy.spatial import cKDTree  # a tenth of a second to load, which most commands do without
+
     places, at, count = np.unique(drivers[0] + 1j * drivers[-1], return_inverse=True, return_counts=True)
     spread = float(form.var())
     if spread == 0.0 or len(places) < 2:

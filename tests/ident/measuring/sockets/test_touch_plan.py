@@ -42,7 +42,11 @@ def test_the_tip_of_the_arm_as_drawn_is_in_each_socket_from_its_open_side() -> N
 
 def test_planned_touches_tell_more_than_random_ones_and_more_touches_more() -> None:
     assert planned().tracker_error < planned().tip_error < planned().random_tip_error
-    assert planned(40).tip_error < 0.9 * planned().tip_error
+    errors = planned().error_of
+    assert [*errors] == [20, 24, 36, 60]
+    assert [*errors.values()] == sorted(errors.values(), reverse=True)
+    assert errors[20] == pytest.approx(planned().tip_error)
+    assert errors[60] < 0.8 * errors[20]
     assert sorted(planned().placement) == list(planned().placement)
     assert {*planned().placement} == {1, 2, 3}
 
@@ -69,7 +73,7 @@ def test_command_writes_touches_in_the_form_that_fit_reads(tmp_path: Path) -> No
     assert "Expected error of the tip" in out
     table = read_table(tmp_path / "plan.csv")
     assert table.header == ("pose", *(f"q{k}_deg" for k in range(1, 6)), "point", "placement")
-    assert len(table.rows) == 20
+    assert len(table.rows) == 24
     (tmp_path / "other.toml").write_text('schema = "lrm/measurements/1"\n')
     code, _, said = run_command("sockets", "plan", "--board", tmp_path / "other.toml", "-o", tmp_path / "no.csv")
     assert code == 2

@@ -14,7 +14,7 @@ function lrmSteps(page) {
   // The course of the error in one line; of an earlier step that is shown, where it stands in it.
   function tellFall() {
     const v = state.values, last = v.steps.length - 1, first = cause();
-    const added = first && v.story?.held_out ? ` → with ${first.title} ${first.held}` : "";
+    const added = first && v.story?.held_out ? ` → with ${first.title}: ${first.held}` : "";
     const whole = v.story ? v.story.sentence.replace(" mm RMS", added + "\u00a0mm RMS") : `RMS ${v.steps[last].rms} mm`;
     const shown = state.step === last ? "" : ` Shown: step ${state.step}, ${v.steps[state.step].title}.`;
     fill("fall", lrmHtml`<span class="lrm-fall-figure">${whole}</span><span class="lrm-soft">${shown}</span>`);
