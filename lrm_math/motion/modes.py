@@ -50,8 +50,8 @@ class Modes:
 
 
 @dataclass(frozen=True, eq=False)
-class Springs:
-    """Springs of k joints (from 0) behind their servos.
+class SwingSprings:
+    """SwingSprings of k joints (from 0) behind their servos.
 
     Attributes:
         stiffness: (k,), N·m/rad. damping: (k,), N·m·s/rad.
@@ -62,7 +62,7 @@ class Springs:
     damping: Array
 
 
-def springs_of(model: MotionModel) -> Springs | None:
+def springs_of(model: MotionModel) -> SwingSprings | None:
     """The springs that a model's `swing` stands for, at the mean inertia of all postures; None where none swings."""
     soft = [effect for effect in model.effects if isinstance(effect, Swing)]
     if not soft:
@@ -71,7 +71,7 @@ def springs_of(model: MotionModel) -> Springs | None:
     omega = np.array([2.0 * np.pi * model.values[effect.keys[0]] for effect in soft])
     ratio = np.array([model.values[effect.keys[1]] for effect in soft])
     mean = np.diag(mean_inertia(model.arm))[joints]
-    return Springs(joints, omega**2 * mean, 2.0 * ratio * omega * mean)
+    return SwingSprings(joints, omega**2 * mean, 2.0 * ratio * omega * mean)
 
 
 def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None:

@@ -172,7 +172,8 @@ def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
     if frames.missing.any():
         raise FileError(path, "", f"{int(frames.missing.any(axis=1).sum())} frames lack a number", "record them again")
     dt = _frame_distance(frames, path)
-    rows, counted = cut(path, dt, [(frames.reading_speed(rows), rows) for rows in _episodes(frames)])
+    speeds = [(frames.reading_speed(rows), rows) for rows in _episodes(frames)]
+    rows, counted = cut(path, dt, speeds, LONGEST_LEAD_S)
     command = frames.command[rows]
     smooth = followed(command, dt)
     told = np.repeat(command[:, :-1], steps_of(dt), axis=1)  # a command stays until the next frame
@@ -183,13 +184,14 @@ def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
 
 
 def cut(
-    path: Path, dt: float, episodes: Sequence[tuple[Array, NDArray[np.int64]]]
+    path: Path, dt: float, episodes: Sequence[tuple[Array, NDArray[np.int64]]], longest_lead: float = LEAD_S
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Frames (S, T) of the moves, the last repeated in shorter ones, and which of them count.
 
-    `episodes`: how unfit for a cut each frame of an episode is, and its number. Raises `FileError`: too few moves.
+    `episodes`: how unfit for a cut each frame of an episode is, and its number. `longest_lead`: s.
+    Raises `FileError`: too few moves.
     """
-    found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
+    found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt, longest_lead)]
     pieces, leads = [piece for piece, _ in found], [lead for _, lead in found]
     if len(pieces) < LEAST_MOVES:
         what = f"{len(pieces)} moves of {SHORTEST_S:g} to {LONGEST_S:g} s"
@@ -217,18 +219,18 @@ def _episodes(frames: LeRobotFrames) -> list[NDArray[np.int64]]:
     return np.split(np.arange(len(frames.t)), np.flatnonzero(np.diff(frames.episode)) + 1)
 
 
-def _pieces(unfit: Array, rows: NDArray[np.int64], dt: float) -> list[tuple[NDArray[np.int64], int]]:
+def _pieces(
+    unfit: Array, rows: NDArray[np.int64], dt: float, longest_lead: float
+) -> list[tuple[NDArray[np.int64], int]]:
     """Frames of each move of an episode, its lead included, and the frames of the lead."""
-    lead, longest_lead, shortest, longest = (
-        round(seconds / dt) for seconds in (LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S)
-    )
+    lead, most, shortest, longest = (round(s / dt) for s in (LEAD_S, longest_lead, SHORTEST_S, LONGEST_S))
     out, begin = [], lead
     while len(rows) - begin >= shortest:
         rest = len(rows) - begin
         cut = rest if rest <= longest else shortest + int(np.argmin(unfit[begin + shortest : begin + longest]))
         if rest - cut < shortest and rest <= shortest + longest and rest > longest:
             cut = rest // 2
-        earlier = unfit[max(begin - longest_lead, 0) : begin - lead + 1]
+        earlier = unfit[max(begin - most, 0) : begin - lead + 1]
         own = lead + int(np.argmin(earlier[::-1]))
         out.append((rows[begin - own : begin + cut], own))
         begin += cut
