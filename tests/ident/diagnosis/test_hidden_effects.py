@@ -347,6 +347,7 @@ WITHOUT_TWIN = {
     "servo_droop": "no joint feedback in the cases",
     "axial_play": "its twin AxialFloat is among the cases of other forms",
     "gear_ripple": "its twin GearRipple is among the cases of other forms",
+    "depth_scale": "its twins SkewTracker and DepthTracker are among the worlds of validation/as_deployed",
     "creep": "its twins are in hidden_effects/memory.py; tests/ident/diagnosis/test_memory.py",
     "self_heating": "its twin HeatedServo is in validation/hidden_effects/memory.py",
     "slip": "its twin SlippingHorn is in validation/hidden_effects/memory.py",
@@ -424,6 +425,8 @@ def test_examine_follows_the_contract(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(examine, "run_tool", tool)
     outcome = examine.examine(("play2", 0, ""), 20, tmp_path)
     classes = (("backlash@joint2", "coupling@joint2<-joint1"),)
-    assert outcome == Outcome("play2", 0, classes, "effect_missing", pytest.approx(0.6 / FLOOR_MM), 2.5, "")
+    assert outcome == Outcome(
+        "play2", 0, classes, "effect_missing", pytest.approx(0.6 / FLOOR_MM), 2.5, "", findings=(False,)
+    )
     monkeypatch.setitem(examine.WAYS, "named", lambda *_: 1 / 0)
     assert "ZeroDivisionError" in examine.examine(("play2", 0, ""), 20, tmp_path).trouble
