@@ -56,7 +56,7 @@ test: setup ## ruff, mypy and all tests: first all that compute, three at a time
 	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
-	$(ONE_THREAD) $(BIN)/python -m pytest -n 4 --dist worksteal -rs --durations 20 tests/system
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"
