@@ -136,7 +136,7 @@ fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it
 
 soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -m soak tests/system --hypothesis-profile=thorough
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -m soak tests/ident/workbench tests/system --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.lines
