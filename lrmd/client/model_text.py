@@ -1,5 +1,5 @@
-"""Text of a model file as it goes to the daemon of another computer: without its history, and its arm by name, since
-paths differ there."""
+"""Text of a model file as it goes to the daemon of another computer: with the last step of its history alone, for the
+errors that the model left; and with its arm by name, since paths differ there."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ ARM = re.compile(r"^arm[ \t]*=.*$", re.MULTILINE)
 HEADER = re.compile(r"^\[\[?[ \t]*[A-Za-z_]", re.MULTILINE)
 """Begin of a table of a model file, none of whose names needs quotes; not of a line of numbers in an array."""
 HISTORY = re.compile(r"\[\[?[ \t]*history[ \t]*[\].]")
+STEP = re.compile(r"\[\[[ \t]*history[ \t]*\]\]")
+PARAMETERS = re.compile(r"\[[ \t]*history[ \t]*\.[ \t]*parameters[ \t]*\]")
 
 
 def text_to_deploy(path: Path) -> str:
-    """The text of a model file without its history; an arm that it names by the path of a file by the name in that.
+    """The text of a model file without what led to it; an arm that it names by the path of a file by the name in that.
 
     Raises `FileError`: a file that cannot be read or is no TOML, or its arm file is none.
     """
@@ -40,12 +42,20 @@ def text_to_deploy(path: Path) -> str:
 
 
 def _without_history(text: str, tables: Mapping[str, object]) -> str:
-    """The text without the tables `[[history]]` and those below them; as it is where that cannot be cut out of it."""
-    if not tables.get("history"):
+    """The text with the last table `[[history]]` alone and its parameters, which it must have; as it is where the others
+    cannot be cut out."""
+    steps = tables.get("history")
+    if not isinstance(steps, list) or not steps:
         return text
     starts = [0, *(found.start() for found in HEADER.finditer(text)), len(text)]
-    kept = "".join(text[a:b] for a, b in pairwise(starts) if not HISTORY.match(text, a))
-    expected = {name: table for name, table in tables.items() if name != "history"}
+    last = max((a for a in starts if STEP.match(text, a)), default=0)
+    kept = "".join(
+        text[a:b]
+        for a, b in pairwise(starts)
+        if a == last or not HISTORY.match(text, a) or (a > last and PARAMETERS.match(text, a))
+    )
+    own = {name: value for name, value in steps[-1].items() if not isinstance(value, dict) or name == "parameters"}
+    expected = {**tables, "history": [own]}
     with suppress(tomllib.TOMLDecodeError):
         if tomllib.loads(kept) == expected:
             return kept

@@ -1,4 +1,4 @@
-"""Before a model goes to the daemon: its history stays here, and what the daemon leaves out of it is weighed."""
+"""Before a model goes to the daemon: its last step alone goes along, and what the daemon leaves out is weighed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from lrm_math.errors import FileError, LrmError
-from lrm_math.model.model_file import load_model
+from lrm_math.model.model_file import ModelFile, load_model
+from lrm_math.toml_file import read_toml
 from lrmd.cli.status import deploy
 from lrmd.client.deployment import Deployment, left_out_differences
 from lrmd.client.model_text import text_to_deploy
@@ -62,12 +63,19 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_the_history_stays_here(tmp_path: Path) -> None:
+def test_of_the_history_the_errors_of_the_last_step_go_along(tmp_path: Path) -> None:
     """Whatever stands before and behind it; arrays whose lines look like the begin of a table are no end of it."""
     path = written(tmp_path, MODEL + STEP.format(long="") + STEP.format(long="# one more") + LAST)
     tables, sent = tomllib.loads(path.read_text("utf-8")), text_to_deploy(path)
-    assert tomllib.loads(sent) == {name: table for name, table in tables.items() if name != "history"}
+    last = {
+        name: value
+        for name, value in tables["history"][-1].items()
+        if not isinstance(value, dict) or name == "parameters"
+    }
+    assert tomllib.loads(sent) == {**tables, "history": [last]}
     assert sent.startswith(MODEL)
+    residual = read_toml(path, ModelFile).residual
+    assert read_toml(written(tmp_path, sent), ModelFile).residual == residual > 0.0, "verify predicts with it"
 
 
 def test_a_long_history_is_no_hindrance(tmp_path: Path) -> None:
