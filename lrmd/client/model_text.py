@@ -42,8 +42,8 @@ def text_to_deploy(path: Path) -> str:
 
 
 def _without_history(text: str, tables: Mapping[str, object]) -> str:
-    """The text with the last table `[[history]]` alone and its parameters, which it must have; as it is where the others
-    cannot be cut out."""
+    """The text with the last table `[[history]]` alone and its parameters, which it must have; the whole text where the
+    others cannot be cut out."""
     steps = tables.get("history")
     if not isinstance(steps, list) or not steps:
         return text
