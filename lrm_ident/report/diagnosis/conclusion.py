@@ -26,6 +26,7 @@ from lrm_ident.residual.scale_uncertainty import scale_sentence
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, Effect, variants
+from lrm_math.effects.targets import FRAME_PLACE
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
@@ -38,6 +39,7 @@ FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
+BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
@@ -265,11 +267,18 @@ def _deployed(report: DiagnosisReport) -> str:
     if first is not None and first.deployed is not None:
         before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        return "" if same else f"{before} → {after} mm RMS {ON_THE_ARM}"
+        return "" if same else f"{before} → {after} mm RMS {_where_expected(report)}"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return ""
     earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"
-    return f"{in_mm(deployed.now.rms)} mm RMS {ON_THE_ARM}{earlier}"
+    return f"{in_mm(deployed.now.rms)} mm RMS {_where_expected(report)}{earlier}"
+
+
+def _where_expected(report: DiagnosisReport) -> str:
+    """What an error as deployed is of: a tracker that errs sees its own error, left out of the arm, there too."""
+    first = report.first
+    effects = [*report.diagnosis.fit.model.effects, *([] if first is None else [first.scored.candidate.effect])]
+    return BY_THE_TRACKER if any(effect.place == FRAME_PLACE for effect in effects) else ON_THE_ARM
 
 
 def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:

@@ -95,3 +95,9 @@ def test_terminal_and_page_show_the_same_lines(example_diagnosis: DiagnosisRepor
     assert concluded.headline in html  # type: ignore[attr-defined]
     assert document.json().count('"headline"') == 1
     assert len(document.printed(in_full=False)) < len(document.printed(in_full=True))
+
+
+def test_of_a_tracker_that_errs_the_deployed_error_is_said_to_have_its_own(example_study: Study) -> None:
+    found = dict(conclude(example_study.add("measurement_frame@frame").diagnose()).facts)
+    assert "as this tracker sees the arm" in found["as deployed"]
+    assert "as deployed" not in dict(conclude(example_study.diagnose()).facts)
