@@ -15,7 +15,6 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds, random_folds
-from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -33,13 +32,13 @@ FOLDINGS = {"blocks": joint_space_folds, "random": random_folds}
 def nested_record(folder: Path, parameters: str, folding: str, folds: int = FOLDS) -> Record:
     """RMS in mm of a plain fit and of `auto` from it, each as shown and as deployed, and what each fold chose."""
     data = load_measurements(folder / MEASUREMENTS, load_arm("lrm-lab"))
-    start = Study.of(data).fit(parameters).model
     fold = FOLDINGS[folding](data.poses.q, data.repeat_of)
     chosen: list[list[str]] = []
     plain, named = [], []
     for number in range(folds):
         train, test = data.take(fold != number), data.take(fold == number)
-        plain.append(_errors(fit(start, train).model, test))
+        start = Study.of(train).fit(parameters).model
+        plain.append(_errors(start, test))
         run = run_auto(start, train)
         named.append(_errors(run.model, test))
         chosen.append([step.added for step in run.steps[1:]])
