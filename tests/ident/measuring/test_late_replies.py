@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import pty
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import pytest
 import serial
@@ -27,25 +29,54 @@ def status(kind: BusServoKind, number: int, data: bytes = b"") -> bytes:
     return DynamixelPacket(number, Instruction.STATUS, b"\0" + data).encoded()
 
 
+@dataclass(frozen=True)
+class FarEnd:
+    """The servos' end of a line whose other end a host has."""
+
+    descriptor: int
+    line: serial.Serial
+
+    def sends_unasked(self, data: bytes) -> None:
+        """Bytes that lie in the host's line before it asks again; the kernel takes its time to pass them on."""
+        os.write(self.descriptor, data)
+        deadline = time.monotonic() + 5.0
+        while self.line.in_waiting < len(data):
+            assert time.monotonic() < deadline, "the kernel did not pass the bytes on"
+            time.sleep(0.001)
+
+    @contextmanager
+    def answering(self, answers: Sequence[bytes]) -> Iterator[None]:
+        """One answer to each question."""
+
+        def answer() -> None:
+            for one in answers:
+                os.read(self.descriptor, 256)
+                os.write(self.descriptor, one)
+
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        yield
+        thread.join(5.0)
+        assert not thread.is_alive(), "not everything was asked"
+
+
+@contextmanager
+def ends_of(kind: BusServoKind) -> Iterator[tuple[ServoHost, FarEnd]]:
+    """A host and the far end of its line."""
+    far, near = pty.openpty()
+    with serial.Serial(os.ttyname(near), 1_000_000, timeout=0.2) as line:
+        yield ServoHost(line, kind), FarEnd(far, line)
+    os.close(near)
+    os.close(far)
+
+
 @contextmanager
 def host_of(kind: BusServoKind, before: bytes, answers: Sequence[bytes]) -> Iterator[ServoHost]:
     """A host whose line holds bytes before anything is asked; the far end answers one question after the other."""
-    far, near = pty.openpty()
-
-    def answer() -> None:
-        for one in answers:
-            os.read(far, 256)
-            os.write(far, one)
-
-    with serial.Serial(os.ttyname(near), 1_000_000, timeout=0.01) as line:
-        os.write(far, before)
-        thread = threading.Thread(target=answer, daemon=True)
-        thread.start()
-        yield ServoHost(line, kind)
-        thread.join(5.0)
-        assert not thread.is_alive(), "not everything was asked"
-    os.close(near)
-    os.close(far)
+    with ends_of(kind) as (host, far):
+        far.sends_unasked(before)
+        with far.answering(answers):
+            yield host
 
 
 def position(kind: BusServoKind, count: int, number: int = 1) -> bytes:
@@ -100,7 +131,10 @@ def test_a_late_reading_does_not_confirm_a_write(kind: BusServoKind) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_answer_that_came_after_its_time_is_not_the_next_ones(kind: BusServoKind) -> None:
     """Nobody answers in time; the answer is in the line when the other register of this length is asked for."""
-    with host_of(kind, b"", [b"", position(kind, FRESH)]) as host:
+    with ends_of(kind) as (host, far):
         with pytest.raises(NoAnswer):
             host.read(1, kind.goal)
-        assert host.read(1, kind.position) == FRESH
+        os.read(far.descriptor, 256)
+        far.sends_unasked(position(kind, LATE))
+        with far.answering([position(kind, FRESH)]):
+            assert host.read(1, kind.position) == FRESH
