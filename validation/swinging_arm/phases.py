@@ -28,7 +28,7 @@ from lrmd.sim.servo import LARGE_SERVO
 from lrmd.sim.swing import inertia
 from validation.swinging_arm.rig import SPRINGS, SwingingRover, known_model, tip_of
 
-PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 5.5, 8, 10
+PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 5.5, 8, 50
 """Phases of the frames; s of a step, and steps between two tips; s for which a tip is followed; ticks between postures
 of which the inertia is taken; moves that are simulated at once."""
 WITHIN = (0.0005, 0.0001)
