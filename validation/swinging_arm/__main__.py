@@ -1,6 +1,6 @@
 """A campaign with `--settle auto`.
 
-`python -m validation.swinging_arm [--poses 60] [--pwm 50] [--frames] [--json FILE]`
+`python -m validation.swinging_arm [--poses 60] [--pwm 50] [--frames] [--only WORD] [--json FILE]`
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from validation.swinging_arm.rig import SwingingRover, tip_of
 DWELL_S = 1.0
 
 
-def campaign_table(pwm: list[float], poses: int, frames: bool) -> list[dict[str, object]]:
+def campaign_table(pwm: list[float], poses: int, frames: bool, only: str) -> list[dict[str, object]]:
     """Prints time and error of a campaign with a fixed pause, by the model, and with half a second only."""
     out: list[dict[str, object]] = []
     for hz in pwm:
@@ -34,6 +34,8 @@ def campaign_table(pwm: list[float], poses: int, frames: bool) -> list[dict[str,
             ("settle auto, timed", "timed", PredictedSettling(0.0, 0.0, DWELL_S)),
             ("settle 0.5 s", "off", PoseTiming(0.0, 0.5, DWELL_S)),
         ):
+            if only not in name:
+                continue
             rover = SwingingRover(hz, kind, 0.1, dead_band=0.0, in_frames=frames)
             rng = np.random.default_rng(5)
             plan = [PlannedPose(k + 1, tuple(rng.uniform(-1.0, 1.0, 6).tolist()), 0.0, (), k + 1) for k in range(poses)]
@@ -70,9 +72,10 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=60)
     parser.add_argument("--pwm", type=float, nargs="+", default=[50.0])
     parser.add_argument("--frames", action="store_true", help="servos see new pulses at the board's frames only")
+    parser.add_argument("--only", default="", metavar="WORD", help="only rows with this word in their name")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    found = campaign_table(given.pwm, given.poses, given.frames)
+    found = campaign_table(given.pwm, given.poses, given.frames, given.only)
     if given.json:
         given.json.write_text(json.dumps(found, indent=1) + "\n")
 
