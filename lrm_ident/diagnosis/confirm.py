@@ -49,6 +49,8 @@ from lrm_math.errors import LrmError
 from lrm_math.model.covariance import ImplausibleEstimate
 from lrm_math.model.deployed_model import of_a_session
 
+MOST_SIMPLER = 2
+"""Members of a class with fewer parameters that are refitted: a bound on time."""
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
 
@@ -181,6 +183,7 @@ def confirm(
         on_progress(f"refitting with {scored.name}")
         trial = _refit_trial(selection, scored, blocks, tested)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
+            selection, trial = _simplest(selection, trial, blocks, tested)
             return ConfirmedDiagnosis(
                 selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse, beside=trial.beside
             )
@@ -206,6 +209,21 @@ class _Trial:
     fitted: bool = True
     worse_deployed: tuple[float, float] | None = None
     beside: str = ""
+
+
+def _simplest(
+    diagnosis: Diagnosis, trial: _Trial, blocks: tuple[HeldOutBlock, ...], tested: str
+) -> tuple[Diagnosis, _Trial]:
+    """The diagnosis led by the member of the first effect's class that predicts best when refitted, and its trial:
+    one with fewer parameters where it predicts no worse.
+
+    The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
+    """
+    for simpler in diagnosis.simpler_alike()[:MOST_SIMPLER]:
+        instead = _refit_trial(diagnosis, simpler, blocks, tested)
+        if trial.refit and instead.refit and instead.refit.squares.mean() <= trial.refit.squares.mean():
+            diagnosis, trial = diagnosis.led_by(simpler), instead
+    return diagnosis, trial
 
 
 def _refit_trial(
