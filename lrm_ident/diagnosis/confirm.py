@@ -227,7 +227,7 @@ def _simplest(
 
 
 def _refit_trial(
-    diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...], tested: str
+    diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...], tested: str = ""
 ) -> _Trial:
     """Refits the model with a candidate, and tests its parameters (Wald) and its held-out error (Vuong)."""
     data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect

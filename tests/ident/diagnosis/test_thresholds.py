@@ -57,7 +57,7 @@ def worse_as_deployed(z: float, patch: Patch) -> bool:
     fit = SimpleNamespace(model=None, equilibrium=SimpleNamespace(poses=None))
     refit: Any = SimpleNamespace(fit=fit, blocks=squares())
     cause: Any = SimpleNamespace(is_free_form=False)
-    return confirm._worse_as_deployed(cause, refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
+    return confirm._worse_as_deployed([cause], refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
 
 
 def parameters_near_zero(p_value: float, patch: Patch) -> bool:
