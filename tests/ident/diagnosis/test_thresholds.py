@@ -295,7 +295,7 @@ def test_a_form_of_the_arm_that_leaves_the_deployed_error_is_refused(monkeypatch
 
     def refused(before: object, after: object) -> bool:
         refit: Any = SimpleNamespace(fit=fit, blocks=after)
-        return confirm._worse_as_deployed(form, refit, before) is not None  # type: ignore[arg-type]
+        return confirm._worse_as_deployed([form], refit, before) is not None  # type: ignore[arg-type]
 
     assert refused(fallen(0.01, 0.5), squares())
     assert not refused(squares(), fallen(0.01, 0.5))
