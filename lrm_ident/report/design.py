@@ -164,8 +164,7 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
     known = _known(found)
     errors = zip(*(knowledge.standard_errors for knowledge in known.values()), strict=True)
     rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(found.keys, errors, strict=True)]
-    separated = [knowledge.discrimination.rivals for knowledge in known.values() if knowledge.discrimination]
-    for rivals in zip(*separated, strict=True):
+    for rivals in zip(*(knowledge.rivals for knowledge in known.values() if knowledge.rivals), strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
     return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
 
@@ -235,18 +234,18 @@ def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTab
 
     Both of its first parameter.
     """
-    known = {name: one.discrimination for name, one in _known(found).items() if one.discrimination is not None}
+    known = {name: one.rivals for name, one in _known(found).items() if one.rivals}
     if not known:
         return
     rows = []
     for k, effect in enumerate(task.rivals):
         parameter = next(p for p in effect.parameters if p.fixed is None)
-        sizes = [one.rivals[k].detectable_size for one in known.values()]
+        sizes = [rivals[k].detectable_size for rivals in known.values()]
         shown = [
             "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
             for size in sizes
         ]
-        error = dict(known["with these"].rivals[k].standard_errors).get(parameter.name)
+        error = dict(known["with these"][k].standard_errors).get(parameter.name)
         rows.append((effect.name, *shown, "" if error is None else f"± {with_unit(error, None, parameter.unit)}"))
     power = in_percent(TARGET_POWER)
     columns = ("effect", *(f"{name}|" for name in known), "standard error|")
@@ -266,7 +265,7 @@ def _knowledge(found: PoseDesign, known: ExpectedAccuracy) -> dict[str, object]:
             "test_level": TEST_LEVEL,
             "found_from_typical_sizes": rival.detectable_size,
         }
-        for rival in known.discrimination.rivals
+        for rival in known.rivals
     ]
     return out | {"cosine": known.discrimination.cosine, "separate": rivals}
 
