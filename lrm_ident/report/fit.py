@@ -267,26 +267,26 @@ def _worst_table(found: ModelComparison) -> ResultTable:
 
 def parameter_table(fit: Fit) -> ResultTable:
     """Estimates with standard errors, and how much of them the data told; angles in degrees."""
-    errors = zip(fit.model.free, fit.standard_error.tolist(), strict=True)
-    told = zip(fit.model.free, fit.told.tolist(), strict=True)
-    known = {key: part for key, part in told if key not in fit.at_bound and not np.isnan(part)}
-    return estimate_table(fit.model, {key: error for key, error in errors if key not in fit.at_bound}, known)
+    known = parameter_estimates(fit)
+    told = {key: one.from_data for key, one in known.items() if one.from_data is not None}
+    return estimate_table(fit.model, {key: one.standard_error for key, one in known.items()}, told)
 
 
-def estimate_table(model: Model, errors: Mapping[str, float], told: Mapping[str, float] | None = None) -> ResultTable:
-    """The free parameters of a model with their standard errors (SI); those without one are at a bound.
+def estimate_table(
+    model: Model, errors: Mapping[str, float | None], told: Mapping[str, float] | None = None
+) -> ResultTable:
+    """The free parameters of a model with their standard errors, those without one being at a bound; angles in degrees.
 
-    `told`: the part (0 to 1) of what was unknown of them that the data removed, the rest being their typical size.
-    Coefficients of a residual field, of which none means anything, are counted only.
+    `errors`: in the units of the keys. `told`: the part (0 to 1) of what was unknown of them that the data removed, the
+    rest being their typical size. Coefficients of a residual field, of which none means anything, are counted only.
     """
     rows, named = [], named_part(model).free
     for key in named:
         name, scale, unit = screen_unit(model, key)
-        value, error = wording.with_error(model.value(key) * scale, errors.get(key, 0.0) * scale)
-        from_data = f"{in_percent(max(told[key], 0.0))} %" if told and key in told else ""
-        rows.append(
-            (name, value, f"± {error}" if key in errors else "at its bound", unit, *([from_data] if told else []))
-        )
+        error, si = errors.get(key), model.parameter(key).si
+        value, sd = wording.with_error(model.value(key) * scale, (error or 0.0) * si * scale)
+        share = [f"{in_percent(told[key])} %" if key in told else ""] if told else []
+        rows.append((name, value, "at its bound" if error is None else f"± {sd}", unit, *share))
     columns = ("parameter", "value|", "± standard error|", "unit", *(["from data|"] if told else []))
     field = len(model.free) - len(named)
     beside = f", and {field} numbers of a residual field, which are not causes" if field else ""

@@ -23,8 +23,7 @@ PARTS = (
 def summary_document(file: ModelFile, model: Model) -> Document:
     """Result of `lrm-ident show`, schema `lrm/summary/1`."""
     blocks: list[Block] = [heading(_headline(file)), Facts(tuple(_facts(file))), "", *_effects(file)]
-    errors = {key: sd * model.parameter(key).si for key, sd in file.sigma.items()}
-    details: list[Block] = [PARTS, history_table(file), estimate_table(model, errors), provenance_table(file)]
+    details: list[Block] = [PARTS, history_table(file), estimate_table(model, file.sigma), provenance_table(file)]
     values = {
         "arm": file.arm,
         "story": story_of_file(file),
