@@ -121,16 +121,16 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     bare.write_text(example_model.read_text().split("[[history]]")[0])
     stdout_of("report", bare, EXAMPLE, "-o", page)
     alone = _values_of(page)
-    assert alone["story"] is None
+    assert alone["history"] == []
     assert {one["name"]: one["standing"] for one in alone["ranking"]} == {k: v["standing"] for k, v in ranking.items()}
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
     (card,) = found["cards"]
     assert (card["title"], card["joint"], card["driver"]) == ("Backlash in joint 2", 1, "torque of joint 2")
-    assert card["before"] == found["story"]["steps"][1]["rms_mm"]
+    assert card["before"] == found["history"][0]["held"]
     assert card["share"] > 0.9
     assert card["shows"] == "finding", "nothing that could be another cause"
-    assert all(one["here"] for one in found["steps"])
+    assert all(entry["here"] for entry in found["history"])
     assert card["rivals"][0]["name"] == "torque_curve@joint2"
     assert "alone it would have left" in card["rivals"][0]["why"]
     assert not card["unrivalled"], "a free curve explains it as well"

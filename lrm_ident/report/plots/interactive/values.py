@@ -53,6 +53,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "verdict": found.verdict,
         "facts": [[label, words, label in FIRST] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
+        "history": [_entry(found, number) for number in range(len(found.file.history))],
         "unseen": UNSEEN,
         "story": None if found.story is None else _story(found.story),
         "cards": _cards(found),
@@ -117,7 +118,6 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "held": _held_out(found, number),
-        "here": not found.file.history or of_data(found.file.history[number], found.poses.sha256),
         "residual": rounded(step.residual * 1e3, UM),
         "turns": rounded(np.degrees(np.where(lever > SHARE**2 * mean, step.turns, np.nan)), ANGLE),
     }
@@ -129,6 +129,12 @@ def _held_out(found: ModelReport, number: int) -> str:
     if entry is None or entry.held_out_rms_mm is None or not of_data(entry, found.poses.sha256):
         return ""
     return in_mm(entry.held_out_rms_mm * 1e-3)
+
+
+def _entry(found: ModelReport, number: int) -> dict[str, Any]:
+    """Held-out error of a step, whether it is of the open data, and the RMS error of its model on these."""
+    entry, rms = found.file.history[number], found.field.steps[number].error.rms * 1e3
+    return {"held": entry.held_out_rms_mm, "here": of_data(entry, found.poses.sha256), "rms": rms}
 
 
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:

@@ -25,7 +25,7 @@ function lrmStory(page) {
     const other = end.deployed_rms_mm !== null && words(end.deployed_rms_mm) !== words(end.rms_mm);
     const ends = [["as deployed", other ? end.deployed_rms_mm : null], ["nested", story.nested_rms_mm],
       [story.noise_rms_mm === null ? "noise at most" : "measurement noise", noise]].filter(([, mm]) => mm !== null);
-    const rows = [...steps.map((step) => ({ ...step, note: v.steps[step.number]?.here === false ? "fitted to other data" : "" })),
+    const rows = [...steps.map((step) => ({ ...step, note: v.history[step.number]?.here === false ? "fitted to other data" : "" })),
       ...(added ? [{ title: `if added: ${one.title}`, kind: "if added", number: null, left: one.held, rms_mm: one.heldOut, before_mm: end.rms_mm }] : []),
       ...ends.map(([title, mm]) => ({ title, kind: "end", number: null, left: words(mm), rms_mm: mm, before_mm: mm }))];
     const what = [`RMS error ${story.held_out ? `${v.unseen} (held-out)` : "on these data"}, mm. Pale: error that remains. Solid: error taken away.`,
