@@ -206,17 +206,13 @@ def _leads(found: PoseDesign) -> Iterator[str]:
         both = frozenset((pair.there, pair.instead))
         least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
     for pair in least.values():
-        told = "will" if pair.told else "will not"
+        told, ways = "will" if pair.told else "will not", ((pair.there, pair.instead), (pair.instead, pair.there))
+        tried = ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in ways)
         yield (
             f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
             f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}. "
-            f"Tried on {TRIALS} simulated measurements of each: {_tried(found, pair)}."
+            f"Tried on {TRIALS} simulated measurements of each: {tried}."
         )
-
-
-def _tried(found: PoseDesign, pair: CausePair) -> str:
-    both = ((pair.there, pair.instead), (pair.instead, pair.there))
-    return ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in both)
 
 
 def _holds(found: PoseDesign) -> Iterator[str]:

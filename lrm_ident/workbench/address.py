@@ -47,14 +47,10 @@ def last_session(folder: Path, data: Path | None) -> OpenFiles | None:
             continue
         if not (found.model.is_file() and found.data.is_file()):
             continue
-        if data is None or found.data.resolve() == data.resolve() or _is_copy(found.data, data, folder.parent):
+        is_copy = data is not None and found.data.name == data.name and found.data.is_relative_to(folder.parent)
+        if data is None or found.data.resolve() == data.resolve() or is_copy:  # a copy as the data were read once
             return found
     return None
-
-
-def _is_copy(kept: Path, data: Path, root: Path) -> bool:
-    """Whether a file in the state folder is a copy of measurements, as they were read once."""
-    return kept.name == data.name and kept.is_relative_to(root)
 
 
 def _noted(note: Path) -> OpenFiles | None:

@@ -233,25 +233,18 @@ def _held_out(report: DiagnosisReport) -> str:
     if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     elif report.verdict == Verdict.NOTHING_MISSING and floor is not None:
-        noise = f"{error / floor:.1f} times the {noise}{_repeats_leave(report)}"
+        interval = report.diagnosis.floor.interval
+        repeats = "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
+        noise = f"{error / floor:.1f} times the {noise}{repeats}"
     if first is None or attribution_of(report) == Support.DESCRIPTION:
-        return f"{in_mm(error)} mm RMS {UNSEEN}{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
+        predicted = f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
+        return f"{in_mm(error)} mm RMS {UNSEEN}{predicted if _bounds_noise(report) else f' ({noise})'}"
     return f"{arrow(error, first.held_out_rms)} mm RMS with it, at unseen poses ({noise.removeprefix('measurement ')})"
-
-
-def _repeats_leave(report: DiagnosisReport) -> str:
-    """How well repeated poses tell the noise, where they do."""
-    interval = report.diagnosis.floor.interval
-    return "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
 
 
 def _bounds_noise(report: DiagnosisReport) -> bool:
     """Whether nothing but the black-box model tells how small the noise is at most."""
     return report.diagnosis.floor.rms is None and report.patterns.predictable.more_to_find
-
-
-def _predicted(report: DiagnosisReport) -> str:
-    return f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
 
 
 def _deployed(report: DiagnosisReport) -> str:

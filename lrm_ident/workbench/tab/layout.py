@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -110,7 +111,8 @@ class WorkbenchPage:
         yield Command("Save…", self._save, SAVE, "s")
         yield Command("Report", "/lrm/report", "all in one file")
         yield Command("Commands", lambda: dialogs.commands_dialog(self.session), "what was done, as commands (C)", "c")
-        yield Command("Live…", self._live, "follow a file that grows, or a rover")
+        live = partial(dialogs.live_dialog, self.session, self.rover, self._do)
+        yield Command("Live…", live, "follow a file that grows, or a rover")
         yield None
         yield from step_commands(self.session)
         yield None
@@ -209,9 +211,6 @@ class WorkbenchPage:
 
     def _save(self) -> None:
         dialogs.save_dialog(self.session, self._do)
-
-    def _live(self) -> None:
-        dialogs.live_dialog(self.session, self.rover, self._do)
 
 
 def _gone(session: WorkbenchSession) -> str:
