@@ -43,8 +43,8 @@ from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, to_model
 
 POSES_SHOWN = 20
-
-
+ERRORS = {"fit_rms_mm": "fit", "held_out_rms_mm": "held out", "deployed_rms_mm": "as deployed"}
+"""Errors of a step in a model file, and their titles."""
 HASH_SHOWN = 8
 """Digits of a data set's SHA-256 that are shown: enough to tell data sets of one person apart."""
 CANDIDATES = 12
@@ -62,25 +62,13 @@ def done(entry: HistoryTable) -> str:
 
 def history_table(file: ModelFile) -> ResultTable:
     """Every step of a model's history with its error in the fit and held out, and the data that these are of."""
-    known = [
-        value
-        for entry in file.history
-        for value in (entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm)
-        if value
-    ]
-    spec = f".{decimals(*known)}f"
+    errors = [[getattr(entry, error) for error in ERRORS] for entry in file.history]
+    spec = f".{decimals(*(value for row in errors for value in row if value))}f"
     rows = [
-        (number, done(entry), entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm, data_of(entry))
-        for number, entry in enumerate(file.history)
+        (number, done(entry), *row, data_of(entry))
+        for number, (entry, row) in enumerate(zip(file.history, errors, strict=True))
     ]
-    columns = (
-        "|",
-        "step",
-        f"fit RMS mm|{spec}",
-        f"held out RMS mm|{spec}",
-        f"as deployed RMS mm|{spec}",
-        "data (SHA-256)|",
-    )
+    columns = ("|", "step", *(f"{title} RMS mm|{spec}" for title in ERRORS.values()), "data (SHA-256)|")
     return ResultTable(columns, rows, "Steps")
 
 
@@ -90,9 +78,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
         {
             "step": str(entry.name),
             "indistinguishable_from": entry.indistinguishable,
-            "fit_rms_mm": entry.fit_rms_mm,
-            "held_out_rms_mm": entry.held_out_rms_mm,
-            "deployed_rms_mm": entry.deployed_rms_mm,
+            **entry.model_dump(include={*ERRORS}),
             "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
         }
         for entry in file.history
@@ -245,13 +231,12 @@ def quick_report(study: Study) -> ModelReport:
     arrows = error_field(data, models_on_data(study))
     known = covariates(data, solve_equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)
-    errors = {key: sd * models[-1][1].parameter(key).si for key, sd in file.sigma.items()}
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),
         field=arrows,
         covariates=drawn,
-        parameters=estimate_table(models[-1][1], errors),
+        parameters=estimate_table(models[-1][1], file.sigma),
         cards=step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q),
     )
 

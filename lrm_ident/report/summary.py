@@ -22,9 +22,11 @@ PARTS = (
 
 def summary_document(file: ModelFile, model: Model) -> Document:
     """Result of `lrm-ident show`, schema `lrm/summary/1`."""
-    blocks: list[Block] = [heading(_headline(file)), Facts(tuple(_facts(file))), "", *_effects(file)]
-    errors = {key: sd * model.parameter(key).si for key, sd in file.sigma.items()}
-    details: list[Block] = [PARTS, history_table(file), estimate_table(model, errors), provenance_table(file)]
+    steps = len(file.history) - 1
+    added = f", {steps} effect{'s' if steps != 1 else ''} added" if steps > 0 else ""
+    headline = heading(f"Model of {file.arm}: {len(file.parameters)} parameters{added}")
+    blocks: list[Block] = [headline, Facts(tuple(_facts(file))), "", *_effects(file)]
+    details: list[Block] = [PARTS, history_table(file), estimate_table(model, file.sigma), provenance_table(file)]
     values = {
         "arm": file.arm,
         "story": story_of_file(file),
@@ -41,12 +43,6 @@ def summary_document(file: ModelFile, model: Model) -> Document:
 def summary_text(file: ModelFile, model: Model) -> str:
     """The summary as plain text."""
     return summary_document(file, model).text()
-
-
-def _headline(file: ModelFile) -> str:
-    steps = len(file.history) - 1
-    added = f", {steps} effect{'s' if steps != 1 else ''} added" if steps > 0 else ""
-    return f"Model of {file.arm}: {len(file.parameters)} parameters{added}"
 
 
 def _facts(file: ModelFile) -> Iterator[tuple[str, str]]:

@@ -2,7 +2,7 @@
 "use strict";
 const lrmAxes = (() => {
   const END_ON = 40; // px
-  const { colour } = lrmPen;
+  const { colour, polygon, lettering } = lrmPen;
 
   function ticks(low, high) {
     const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
@@ -12,15 +12,8 @@ const lrmAxes = (() => {
   }
 
   // The plane that the arm's shadow falls on: the floor of the box.
-  function ground(pen, box, at) {
-    const [low, high] = box;
-    pen.fillStyle = colour("ground");
-    pen.beginPath();
-    for (const [x, y] of [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]) {
-      const p = at([x, y, low[2]]);
-      pen.lineTo(p[0], p[1]);
-    }
-    pen.fill();
+  function ground(pen, [[left, front, down], [right, back]], at) {
+    polygon(pen, [[left, front], [right, front], [right, back], [left, back]].map(([x, y]) => at([x, y, down])), colour("ground"));
   }
 
   function axes(pen, box, at) {
@@ -50,10 +43,7 @@ const lrmAxes = (() => {
       }
     }
     pen.stroke();
-    pen.font = "10px system-ui, sans-serif";
-    pen.fillStyle = colour("soft");
-    pen.textAlign = "center";
-    pen.textBaseline = "middle";
+    lettering(pen, 10, "soft", "center");
     const centre = at(low.map((l, k) => (l + high[k]) / 2));
     ["x", "y", "z"].forEach((name, k) => {
       const edge = [...far];
@@ -80,10 +70,7 @@ const lrmAxes = (() => {
 
   function bar(pen, width, height, largest, colours) {
     const left = width - 16, top = 34, step = Math.min(18, (height - 90) / colours.length);
-    pen.font = "11px system-ui, sans-serif";
-    pen.fillStyle = colour("ink");
-    pen.textAlign = "right";
-    pen.textBaseline = "middle";
+    lettering(pen, 11, "ink", "right");
     pen.fillText("mm", width - 4, top - 14);
     colours.forEach((ink, i) => {
       const y = top + (colours.length - 1 - i) * step;

@@ -2,7 +2,7 @@
 // A canvas needs no graphics card, and is on paper what it is on the screen. All lengths in mm.
 "use strict";
 const lrmScene = (() => {
-  const { colour, ring, frame } = lrmPen;
+  const { colour, ring, frame, lettering } = lrmPen;
   const scenes = new Set();
 
   // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together.
@@ -13,11 +13,7 @@ const lrmScene = (() => {
 
   // The box that everything is in: the least and the greatest corner.
   function boxOf(points) {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    for (const p of points) {
-      for (let k = 0; k < 3; k++) { low[k] = Math.min(low[k], p[k]); high[k] = Math.max(high[k], p[k]); }
-    }
-    return [low, high];
+    return [Math.min, Math.max].map((of) => points.reduce((so_far, p) => so_far.map((c, k) => of(c, p[k]))));
   }
 
   // From mm to the screen: [right, down, towards the viewer (mm)] for a canvas of a size in px; its `scale` in px/mm.
@@ -113,10 +109,7 @@ const lrmScene = (() => {
       things = lrmArrows.things(c, at, self.dots, self.seen);
       for (const thing of things) thing.put(pen);
       if (c.bar) lrmAxes.bar(pen, width, height, c.largest, lrmArrows.steps(c.colours));
-      pen.font = "12px system-ui, sans-serif";
-      pen.fillStyle = colour("ink");
-      pen.textAlign = "left";
-      pen.textBaseline = "top";
+      lettering(pen, 12, "ink", "left", "top");
       pen.fillText(c.title, 6, 4, width - 12);
     }
 
