@@ -93,11 +93,11 @@ def first_class(report: DiagnosisReport) -> set[str]:
     ("case", "truth"),
     [
         ("play3", "backlash@joint3"),
-        ("gain4", "servo_gain@joint4"),
         ("bending2", "lateral_compliance@link2"),
         ("warm2", "drift@joint2"),
-        ("stretched", "measurement_frame@frame"),
         *soak(
+            ("gain4", "servo_gain@joint4"),
+            ("stretched", "measurement_frame@frame"),
             ("spring2", "nonlinear_stiffness@joint2"),
             ("load", "payload@tool"),
             ("coupled3-2", "coupling@joint3<-joint2"),
