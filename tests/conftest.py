@@ -29,7 +29,7 @@ os.environ.setdefault("XDG_STATE_HOME", str(ROOT / "out" / "state"))  # not wher
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # started in the background: commands are sent it here
 _LAWS = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
-settings.register_profile("lrm", _LAWS, max_examples=20)
+settings.register_profile("lrm", _LAWS, max_examples=12)
 settings.register_profile("thorough", _LAWS, max_examples=300, derandomize=False)  # make soak
 settings.load_profile("lrm")
 

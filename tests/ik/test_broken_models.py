@@ -132,6 +132,7 @@ def test_more_of_anything_than_the_kernel_has_room_for(pack: Callable[[Arm], Ker
         pack(random_arm(3, 6))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
 @pytest.mark.parametrize("size", [1e2, 1e8, 1e30, 1e300])
 def test_parameters_of_any_size(size: float) -> None:

@@ -221,6 +221,7 @@ def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None
         assert along.predicted_turn <= 1e-7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MODELS)
 def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
     """The reply holds for the actual move: checked by the model with the direction of that move."""

@@ -172,6 +172,7 @@ def test_goals_made_from_commands_are_solved(name: str) -> None:
             assert isinstance(solver(name).solve(goal, LOAD, method=Direct()), Solved)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=10)
 @given(way=positions.filter(lambda v: math.hypot(*v) > 0.1), beyond=st.floats(0.01, 5.0))

@@ -94,6 +94,7 @@ def test_every_branch_solves_the_goal_and_the_original_angles_are_found(arm: Arm
         assert all(apart(np.delete(found, i, 0), row).min() > 1e-7 for i, row in enumerate(found) if len(found) > 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SHIPPED)
 def test_many_reachable_poses_all_solved(name: str) -> None:
     arm = load_arm(name)

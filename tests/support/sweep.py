@@ -14,6 +14,11 @@ def in_soak() -> bool:
     return settings.default is not None and settings.default.max_examples > USUAL_EXAMPLES
 
 
+def examples(few: int, many: int) -> settings:
+    """Examples of a law whose single one takes long, in `@examples(…) @given(…)`."""
+    return settings(max_examples=many if in_soak() else few, deadline=None)
+
+
 def seeds(few: int, many: int) -> range:
     """Seeds from 0 on."""
     return range(many if in_soak() else few)

@@ -141,6 +141,7 @@ def reset_hot(config: Config, degrees: float) -> HeatingDaemon:
 WAYS = [armed_hot, restarted_hot, reset_hot]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_a_servo_that_is_too_hot_is_not_switched_on_and_the_refusal_says_when_it_is_cool_enough(config, way) -> None:
     sim = way(config, 120.0)
@@ -157,6 +158,7 @@ def test_a_servo_that_is_too_hot_is_not_switched_on_and_the_refusal_says_when_it
     sim.arm(STRETCHED)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_a_servo_that_is_armed_just_below_the_limit_stops_at_it(config, way) -> None:
     """The weight of the stretched arm heats it by 27 degC in a second: faster than it can go to rest."""

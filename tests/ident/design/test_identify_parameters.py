@@ -132,6 +132,7 @@ def test_the_28_of_the_thesis_are_independent_on_its_poses(real: Measurements, l
     assert vars(found.observability["scaled"]) == pytest.approx(vars(whole), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
 def test_differences_err_as_theory_says(lab: Arm, angle: float) -> None:
     """Truncation falls with ε², round-off grows with 1/ε, and between them the derivative is right to 1e-9."""

@@ -76,6 +76,7 @@ def test_beta_is_there_where_axes_are_parallel_and_nowhere_else() -> None:
     assert sum(key.startswith("offsets") for key in nominal_model(load_arm("lrm-lab")).keys) == 38  # Table 4.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_twisted_parallel_axis_is_fitted_to_the_floor(axis: int) -> None:
     arm, rng = load_arm("so101"), np.random.default_rng(1)

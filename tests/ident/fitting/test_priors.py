@@ -285,6 +285,7 @@ def test_patterns_that_fit_nothing_are_named(whole: Model) -> None:
         load_prior("nothing-like-it", whole)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", ["sd = 0.0", "sd = -1.0", "sd = nan", "width = 1.0"])
 def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
     path = tmp_path / "prior.toml"

@@ -172,6 +172,7 @@ def arm_of(follower: Follower, speed: float = 30.0) -> ServoArm:
     return ServoArm(follower, SO101, follower.clock, lambda _: None, float(np.radians(speed)))  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("busy", "every"), [(0.0, 1), (0.05, 1), (0.02, 5), (0.3, 5)])
 def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: Path, busy: float, every: int) -> None:
     path = tmp_path / "moves.csv"

@@ -9,20 +9,18 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
+from lrm_ident.report.model_report import quick_report
+from lrm_ident.workbench.html_report import html_report
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 from validation import synthetic
 
-STEPS = ("backlash@joint2", "eccentricity@joint5")
-
 
 @pytest.fixture(scope="module")
-def stepped(example_study: lrm.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stepped(better_study: lrm.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model file with two steps after the fit."""
-    study, path = example_study, tmp_path_factory.mktemp("stepped") / "2.toml"
-    for effect in STEPS:
-        study = study.add(effect)
-    study.save(path)
+    path = tmp_path_factory.mktemp("stepped") / "2.toml"
+    better_study.add("eccentricity@joint5").save(path)
     return path
 
 
@@ -30,7 +28,7 @@ def cards(browser: Any, model: Path, text: str) -> list[str]:
     """The words of the cards in the report of a model with this text, and of the line at their end."""
     model.write_text(text, encoding="utf-8")
     page, report = browser.new_page(), model.with_suffix(".html")
-    stdout_of("report", model, EXAMPLE, "-o", report)
+    report.write_text(html_report(quick_report(lrm.read_study(model, EXAMPLE))), encoding="utf-8")
     page.goto(report.as_uri())
     page.wait_for_selector("#lrm-cards article")
     where = page.evaluate("lrm.state.values.where")

@@ -169,6 +169,7 @@ def test_start_or_goal_beyond_a_limit(lab: Arm) -> None:
         assert "joint 4" in str(path)
 
 
+@pytest.mark.long
 def test_a_goal_behind_a_wall_is_not_found_after_so_many_samples(blocked: Arm) -> None:
     """Only joint 1 may turn, and the post blocks it."""
     limits = np.array([START - 1e-3, GOAL + 1e-3])

@@ -74,6 +74,7 @@ def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: 
     np.testing.assert_allclose(ours.base_moment, theirs.base_moment_nm, atol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("joint", "soft"), [(2, 0.05), (3, 0.0), (4, 0.05), (5, 0.0), (6, 0.05)])
 def test_axial_play_is_that_of_the_generator(joint: int, soft: float) -> None:
     """A joint that slides along its axis, as the generator shifts the end of the link before it.

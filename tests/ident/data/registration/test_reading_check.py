@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +66,10 @@ def test_a_bad_arm_is_not_refused(name: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=2, deadline=None)
-@given(st.integers(0, 1000), st.sampled_from(ARMS), st.integers(0, 2), st.booleans())
+@pytest.mark.parametrize(
+    ("name", "number", "slipped"), [(ARMS[0], 1, True), *soak(*product(ARMS, range(3), (False, True)))]
+)
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_what_moved_meanwhile_is_no_misreading(seed: int, name: str, number: int, slipped: bool) -> None:
     """A base that was pushed along an axis by a fifth of the spread, or a joint whose horn slipped by 20 deg."""
     data, arm = random_arm_data(name, seed), load_arm(name)

@@ -216,6 +216,7 @@ def test_xacro(tmp_path: Path) -> None:
     assert "xacro" in stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sag", [0.0, 0.05])
 def test_of_an_arm_that_sags_the_export_says_what_a_urdf_can_do(sag: float, tmp_path: Path) -> None:
     model = tmp_path / "model.toml"

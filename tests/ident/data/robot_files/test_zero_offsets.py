@@ -161,6 +161,7 @@ def test_offsets_as_the_drivers_read_them(tmp_path: Path) -> None:
     assert parameters(out, "shoulder_lift") == {"homing_offset": "-43", "range_min": "933"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("plugin", "param", "said"),
     [

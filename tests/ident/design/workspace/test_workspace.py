@@ -288,6 +288,7 @@ def test_areas(rover: Arm) -> None:
             parse_area(words)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("link", range(1, 7))
 def test_a_longer_link_is_longer_and_nothing_else(rover: Arm, link: int) -> None:
     longer = lengthened(rover, link, 0.02)
