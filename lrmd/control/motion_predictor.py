@@ -29,9 +29,9 @@ from lrmd.ramp.shared_memory import IMPULSES
 from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
-PHASES, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), 4
-"""Phases of the board's frames (shares of a frame) with which settling is predicted; steps in a frame."""
-SETTLED = 2 / 3
+PHASES, FRAME_STEPS = 12, 4
+"""Phases of the board's frames with which settling is predicted; steps in a frame."""
+SETTLED = 0.6
 """Share of these cases in which the tip has settled by the predicted time."""
 
 
@@ -81,7 +81,7 @@ class MotionPredictor:
         step = self._frame / FRAME_STEPS
         ends = (len(path) - 1) * self._config.tick / SECOND
         frames = math.ceil(ends / self._frame) + 1
-        seen = np.stack([self._seen(path, phase, frames) for phase in PHASES])
+        seen = np.stack([self._seen(path, phase, frames) for phase in (np.arange(PHASES) + 0.5) / PHASES])
         within = self._config.motion.within_mm * 1e-3
         settled = settling_after(model, path[0], seen, step, within, final_leg.payload, FREQUENCY_FACTORS, SETTLED)
         return (frames + 0.5) * self._frame - ends + settled.seconds if settled.seconds else 0.0

@@ -19,7 +19,7 @@ from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from lrmd.config import Config
-from lrmd.control.motion_predictor import MotionPredictor
+from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
 from lrmd.sim.arm import SimulatedArm
@@ -97,7 +97,7 @@ class SwingingRover:
     config: Config = field(init=False)
 
     def __post_init__(self) -> None:
-        config = config_at(self.pwm_hz, Path(mkdtemp()))
+        config = config_at(self.pwm_hz, Path(mkdtemp()), self.shaping)
         motion = config.motion.model_copy(update={"within_mm": self.within_mm})
         self.config = replace(config, motion=motion)
         self.arm, self.rng = self.config.arm, np.random.default_rng(self.seed)
@@ -141,8 +141,8 @@ class SwingingRover:
             angles.append(self.links.link_angles)
         return tip_of(self.arm, np.array(angles))
 
-    def move(self, q: Array) -> tuple[float, float]:
-        """Moves there; how long that should take, and how long the tip should then swing (s)."""
+    def move(self, q: Array) -> tuple[float, FinalLeg]:
+        """Moves there; how long that should take (s), and the last leg of the way."""
         goal = dict(zip(self.arm.joint_names, q.tolist(), strict=True))
         core = self.daemon.core
         self.daemon.settle()
@@ -153,13 +153,14 @@ class SwingingRover:
             self.pass_ticks(1)
         while self.daemon.ramp.moving:
             self.pass_ticks(1)
-        return told.seconds, self.known.settle_s(told.final_leg)
+        return told.seconds, told.final_leg
 
     # ---- parts of a campaign
 
     def go(self, pose: PlannedPose) -> ArmState:
         """See `CampaignArm`."""
-        _, self.settle_s = self.move(np.array(pose.q))
+        _, leg = self.move(np.array(pose.q))
+        self.settle_s = self.known.settle_s(leg)
         self.pass_ticks(4)
         return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
 
