@@ -30,13 +30,13 @@ class StoryStep:
 
     Attributes:
         title: in plain words. kind: what made it fall. number: of the step in the history; None of the nominal arm.
-        before_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
+        before_rms_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
     """
 
     title: str
     kind: Kind
     number: int | None
-    before_mm: float
+    before_rms_mm: float
     rms_mm: float
     deployed_rms_mm: float | None = None
 
