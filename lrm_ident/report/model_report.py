@@ -156,11 +156,6 @@ class ModelReport:
         return known if isinstance(known, float) else None
 
     @property
-    def unexplained_mean_square_mm2(self) -> float | None:
-        """Held-out mean square that stays unexplained, where there is a diagnosis."""
-        return None if self.diagnosis is None else float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))
-
-    @property
     def falls(self) -> tuple[ErrorFall, ...]:
         """Fall of the error of every card's step."""
         return tuple(error_fall(self.file, self.field, card.number, self.poses.sha256) for card in self.cards)
@@ -168,8 +163,8 @@ class ModelReport:
     @property
     def attributions(self) -> tuple[StepAttribution | None, ...]:
         """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
-        left, floor, falls = self.unexplained_mean_square_mm2, self.floor_mm or 0.0, self.falls
-        if left is None or not all(fall.held_out for fall in falls):
+        floor, falls = self.floor_mm or 0.0, self.falls
+        if self.diagnosis is None or not all(fall.held_out for fall in falls):
             return tuple(
                 StepAttribution(Support.DESCRIPTION, 0.0) if card.evidence.describes else None for card in self.cards
             )
@@ -177,7 +172,7 @@ class ModelReport:
         known = [card.evidence for card in self.cards]
         known = [replace(one, describes=one.describes or so) for one, so in zip(known, little, strict=True)]
         steps = [(fall.explained, one) for fall, one in zip(falls, known, strict=True)]
-        return attribute_steps(steps, left)
+        return attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"])))
 
     @property
     def story(self) -> Story | None:
@@ -185,15 +180,14 @@ class ModelReport:
         if not self.file.history:
             return None
         held = [one.held_out_rms_mm if of_data(one, self.poses.sha256) else None for one in self.file.history]
-        known = None not in held
-        left = [one for one in held if one is not None] if known else [one.error.rms * 1e3 for one in self.field.steps]
+        here = [one.error.rms * 1e3 for one in self.field.steps]
         shown = zip(self.cards, self.attributions, strict=True)
         kinds: dict[int, Kind] = {
             card.number: term_of(one.kind, card.evidence.equivalent) for card, one in shown if one is not None
         }
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
-        return story_of(self.file.history, left, nominal, known, kinds, self.floor_mm, bound)
+        return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
 
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""

@@ -33,13 +33,13 @@ class StoryStep:
 
     Attributes:
         title: in plain words. kind: what made it fall. number: of the step in the history; None of the nominal arm.
-        before_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
+        before_rms_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
     """
 
     title: str
     kind: Kind
     number: int | None
-    before_mm: float
+    before_rms_mm: float
     rms_mm: float
     deployed_rms_mm: float | None = None
 
@@ -76,20 +76,17 @@ class Story:
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """What else is known of the last error, labelled."""
-        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in self._known if value)
-
-    @property
-    def _known(self) -> tuple[tuple[str, float | None, str], ...]:
         last = self.steps[-1] if self.steps else None
         deployed = None if last is None or _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
         nested, on_arm = self.nested_rms_mm, self.nested_deployed_rms_mm
         more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
-        return (
+        known = (
             ("as deployed", deployed, f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}"),
             ("nested", nested, f", {ANEW}{more}"),
             ("measurement noise", self.noise_rms_mm, ""),
             ("measurement noise", self.noise_bound_rms_mm if self.noise_rms_mm is None else None, " at most"),
         )
+        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in known if value)
 
     def table(self) -> ResultTable:
         """The steps, the error of the fit with the longest bar: beside that of the nominal arm the others are dots."""
@@ -117,17 +114,15 @@ def story_of_file(file: ModelFile) -> Story | None:
     if not file.history or file.history[0].nominal_rms_mm is None:
         return None
     hashes = {None if one.provenance is None else one.provenance.data_sha256 for one in file.history}
-    held = [one.held_out_rms_mm for one in file.history]
-    known = len(hashes) == 1 and None not in held
-    left = [one for one in held if one is not None] if known else [one.fit_rms_mm for one in file.history]
-    return story_of(file.history, left, file.history[0].nominal_rms_mm, known)
+    held = [one.held_out_rms_mm if len(hashes) == 1 else None for one in file.history]
+    return story_of(file.history, held, [one.fit_rms_mm for one in file.history], file.history[0].nominal_rms_mm)
 
 
 def story_of(
     history: Sequence[HistoryTable],
-    left_mm: Sequence[float],
+    held_out_mm: Sequence[float | None],
+    here_mm: Sequence[float],
     nominal_mm: float,
-    held_out: bool,
     shows: Mapping[int, Kind] | None = None,
     noise_mm: float | None = None,
     bound_mm: float | None = None,
@@ -135,13 +130,15 @@ def story_of(
     """A story.
 
     Args:
-        left_mm: RMS error after each step; `held_out`: whether of poses that no fit has seen.
+        held_out_mm: RMS error after each step at poses that no fit has seen. here_mm: on these data; told where one of
+            those is not known.
         shows: what steps are by their number, where a diagnosis says it; else as the file says.
     """
     course = history[-1].course or CourseTable()
-    known = dict(shows or {})
+    known, held = dict(shows or {}), [one for one in held_out_mm if one is not None]
+    held_out = len(held) == len(history)
     steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
-    for number, (entry, left) in enumerate(zip(history, left_mm, strict=True)):
+    for number, (entry, left) in enumerate(zip(history, held if held_out else here_mm, strict=True)):
         kind: Kind = known.get(number) or course.shows.get(entry.name.added) or "effect"
         title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None

@@ -16,6 +16,7 @@ from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_MOTION
+from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.workbench.html_report import plain_page
 
 MOST_MOVES, DIGITS = 8, 3
@@ -78,11 +79,11 @@ def _what(
                 "name": f"{move + 1}",
                 "dt": round(moves.dt, 6),
                 "start": round(float(np.argmax(count)) * moves.dt, 4),
-                "told": _rounded(told * scale),
-                "read": _rounded(read * scale),
-                "before": _rounded((own - left[0]) * scale),
-                "after": _rounded((read - left[1]) * scale),
-                "left": [_rounded(one * scale) for one in left],
+                "told": rounded(told * scale, DIGITS),
+                "read": rounded(read * scale, DIGITS),
+                "before": rounded((own - left[0]) * scale, DIGITS),
+                "after": rounded((read - left[1]) * scale, DIGITS),
+                "left": [rounded(one * scale, DIGITS) for one in left],
             }
         )
     errors = [
@@ -102,7 +103,3 @@ def _step(name: str) -> str:
     """A step of the history in plain words: `fit`, `add EFFECT@JOINT` or `drop EFFECT@JOINT`."""
     what, _, effect = name.partition(" ")
     return {"add": plain_name(effect), "drop": f"without {plain_name(effect)}"}[what] if effect else "servo response"
-
-
-def _rounded(values: Any) -> list[float | None]:
-    return [round(v, DIGITS) if np.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]

@@ -45,9 +45,9 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
         for row, one in enumerate(story.steps):
             colour = COLOURS[one.kind]
             axes.barh(row, min(one.rms_mm, scale), color=colour, alpha=0.3)
-            axes.barh(row, min(one.before_mm, scale) - min(one.rms_mm, scale), left=one.rms_mm, color=colour)
+            axes.barh(row, min(one.before_rms_mm, scale) - min(one.rms_mm, scale), left=one.rms_mm, color=colour)
             cut = " (bar cut short)" if one.rms_mm > scale else ""
-            where = (min(one.before_mm, scale), row)
+            where = (min(one.before_rms_mm, scale), row)
             axes.annotate(f"{in_mm(one.rms_mm * MM)}{cut}", where, **BESIDE)
         for row, (_, value) in enumerate(ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)

@@ -29,6 +29,8 @@ BANNER = """<div id="lrm-banner" role="alert" hidden></div>
 <section class="lrm-panel lrm-row" id="lrm-rover" hidden aria-label="rover"><h2>Rover</h2>
 <div id="lrm-rover-arms" class="lrm-arms"></div><p id="lrm-rover-words" class="lrm-small" aria-live="off"></p>
 </section>"""
+GONE = """The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in {folder}. \
+Go on with: {again}"""
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
 """Until the browser shows the numbers that it was sent."""
@@ -169,7 +171,8 @@ class WorkbenchPage:
             return
         self.drawn = session.drawn
         self.files.set_text(shown.title)
-        ui.run_javascript(f"window.lrmGone = {json.dumps(_gone(session))}")
+        gone = GONE.format(folder=session.folder, again=session.again)
+        ui.run_javascript(f"window.lrmGone = {json.dumps(gone)}")
         ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
         self.numbers.set_content(self._numbers(shown.numbers))
         ui.run_javascript(f"setTimeout(() => lrmGlossary(document.querySelector('.lrm-numbers')), {SHOWN_MS})")
@@ -211,11 +214,3 @@ class WorkbenchPage:
 
     def _save(self) -> None:
         dialogs.save_dialog(self.session, self._do)
-
-
-def _gone(session: WorkbenchSession) -> str:
-    """Words of a tab when the server is gone."""
-    return (
-        "The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in "
-        f"{session.folder}. Go on with: {session.again}"
-    )

@@ -63,7 +63,7 @@ def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file:
     )
     assert story.sentence.replace("30.00", "30.0") == fall
     assert [one.title for one in story.steps[:2]] == ["nominal", GEOMETRY]
-    assert [(one.before_mm, one.rms_mm) for one in story.steps[1:]] == [(30.0, 4.8), (4.8, 2.6), (2.6, 1.9)]
+    assert [(one.before_rms_mm, one.rms_mm) for one in story.steps[1:]] == [(30.0, 4.8), (4.8, 2.6), (2.6, 1.9)]
     assert dict(story.facts).keys() == {"nested", "measurement noise"}, "as deployed it is the same, and said once"
     assert dict(
         told(file_of(*file.history[:2], step("add mass@link5", 1.7, 1.9, deployed_rms_mm=2.2))).facts

@@ -113,17 +113,12 @@ def _drivers(
     effect: Effect, form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
 ) -> tuple[Covariate, ...]:
     """Drivers that a form is drawn over: of an effect of two angles the one that it follows, or both; else any."""
-    own = _angles_of_law(effect, known)
-    single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
-    return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
-
-
-def _angles_of_law(effect: Effect, known: Sequence[Covariate]) -> tuple[Covariate, ...]:
-    """Both angles of an effect that couples two joints, whose law says what it follows; else none."""
     joints = joint_numbers(effect.place) if "angle" in effect.depends_on else ()
     angles = {one.joint: one for one in known if one.kind == "angle"}
-    found = tuple(angles[joint] for joint in joints if joint in angles)
-    return found if len(found) == 2 else ()
+    own = tuple(angles[joint] for joint in joints if joint in angles)  # of an effect that couples two joints: both
+    own = own if len(own) == 2 else ()
+    single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
+    return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
 
 
 def _size(scored: ScoredCandidate) -> dict[str, object] | None:

@@ -113,27 +113,21 @@ def values_text(values: Mapping[str, Any]) -> str:
 
 
 def _step(found: ModelReport, number: int) -> dict[str, Any]:
+    """A step with its errors; `held`: the held-out one on the open data, as the headline prints it."""
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     judged = (found.judged or {}).get(number)
-    entry = found.file.history[number].name if found.file.history else None
+    entry = found.file.history[number] if found.file.history else None
+    held = entry.held_out_rms_mm if entry is not None and of_data(entry, found.poses.sha256) else None
     return {
         "name": step.name,
-        "title": step.name if entry is None else GEOMETRY if entry.kind == FIT else step_title(entry),
+        "title": step.name if entry is None else GEOMETRY if entry.name.kind == FIT else step_title(entry.name),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
-        "held": _held_out(found, number),
+        "held": "" if held is None else in_mm(held * 1e-3),
         "residual": rounded(step.residual * 1e3, UM),
         "turns": rounded(np.degrees(np.where(lever > SHARE**2 * mean, step.turns, np.nan)), ANGLE),
     }
-
-
-def _held_out(found: ModelReport, number: int) -> str:
-    """The held-out error of a step on the open data, as the headline prints it; empty where it is not known."""
-    entry = found.file.history[number] if found.file.history else None
-    if entry is None or entry.held_out_rms_mm is None or not of_data(entry, found.poses.sha256):
-        return ""
-    return in_mm(entry.held_out_rms_mm * 1e-3)
 
 
 def _story(story: Story) -> dict[str, Any]:

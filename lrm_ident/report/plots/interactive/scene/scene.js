@@ -125,14 +125,10 @@ const lrmScene = (() => {
       const frame = canvas.getBoundingClientRect();
       return [event.clientX - frame.left, event.clientY - frame.top];
     };
-    function nearest(at) {
-      let best = null, distance = NEAR;
-      self.dots.forEach((p, row) => {
-        const d = Math.hypot(p[0] - at[0], p[1] - at[1]);
-        if (d < distance && self.seen(row)) [best, distance] = [row, d];
-      });
-      return best;
-    }
+    const nearest = (at) => {
+      const near = self.dots.map((p, row) => [Math.hypot(p[0] - at[0], p[1] - at[1]), row]).filter(([d, row]) => d < NEAR && self.seen(row));
+      return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : null;
+    };
     const fingers = new Map();
     const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
     canvas.onpointerdown = (event) => {
@@ -171,8 +167,8 @@ const lrmScene = (() => {
       if (!drag || fingers.size) return;
       self.drag = null;
       if (drag.box) {
-        const [x, y, w, h] = drag.box;
-        on.mark(self.dots.flatMap((p, row) => (p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h && self.seen(row) ? [row] : [])));
+        const [x, y, w, h] = drag.box, inside = (p) => p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h;
+        on.mark([...self.dots.keys()].filter((row) => inside(self.dots[row]) && self.seen(row)));
       } else if (!drag.moved && event.type === "pointerup") {
         const row = nearest(drag.from);
         if (row !== null) on.toggle(row);
