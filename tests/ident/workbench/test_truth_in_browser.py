@@ -25,6 +25,7 @@ from tests.support.browser import (
     workbench,
 )
 from tests.support.commands import FEW, part_of_example, stdout_of
+from tests.support.sweep import soak
 
 SIZE = {"width": 1280, "height": 800}
 STORED_MS = 1000  # the browser stores what a page says in another process
@@ -88,9 +89,12 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
 
 
 @pytest.mark.slow
-def test_the_second_quantity_of_a_form_is_its_colour(browser: Any, small: RunningWorkbench) -> None:
+def test_the_list_says_what_it_shows_and_the_second_quantity_of_a_form_is_its_colour(
+    browser: Any, small: RunningWorkbench
+) -> None:
     page = opened(browser, small, SIZE)
     idle(page, RANKED)
+    says_what_it_shows(page)
     page.wait_for_timeout(1000)
     for x in page.evaluate(LINES):
         known = [one for one in x if one is not None]
@@ -108,10 +112,8 @@ def test_the_second_quantity_of_a_form_is_its_colour(browser: Any, small: Runnin
     page.context.close()
 
 
-@pytest.mark.slow
-def test_the_list_says_what_it_shows(browser: Any, small: RunningWorkbench) -> None:
-    page = opened(browser, small, SIZE)
-    idle(page, RANKED)
+def says_what_it_shows(page: Any) -> None:
+    """Asserts that the list of candidates stands in its order under its head, with marks that are explained."""
     assert "held-out RMS left, mm" in page.inner_text("#lrm-ranking-head")
     shown = page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.standing, one.heldOut, one.mark])")
     for _, _, _, mark in shown:
@@ -123,7 +125,6 @@ def test_the_list_says_what_it_shows(browser: Any, small: RunningWorkbench) -> N
         assert held == sorted(held)
     assert page.evaluate("document.querySelector('#lrm-ranking-head abbr').title")
     assert "backlash in joint 2" in page.inner_text("#lrm-ranking .lrm-candidate")
-    page.context.close()
 
 
 @pytest.mark.slow
@@ -278,16 +279,10 @@ def test_a_session_outlasts_its_server(browser: Any, tmp_path: Path) -> None:
         wait_for(page, TWO_STEPS)
         page.wait_for_selector("#lrm-offer", state="hidden")
         page.context.close()
-    (tmp_path / "other").mkdir()
-    other = part_of_example(tmp_path / "other", FEW + 1)
-    with workbench(other, cwd=tmp_path) as third:
-        page = opened(browser, third, SIZE)
-        assert not page.is_visible("#lrm-offer"), "a session of other measurements"
-        page.context.close()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["dark", *soak("light")])
 def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: RunningWorkbench, scheme: str) -> None:
     page = opened(browser, small, {"width": 390, "height": 844}, scheme=scheme)
     idle(page, RANKED)
