@@ -14,14 +14,12 @@ from tests.conftest import EXAMPLE
 from tests.support.browser import (
     BrowserLog,
     RunningWorkbench,
-    axe_violations,
     idle,
     opened,
     press,
     says,
     shot,
     wait_for,
-    with_axe,
     workbench,
 )
 from tests.support.commands import FEW, part_of_example, stdout_of
@@ -191,8 +189,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_report_on_paper(browser: Any, report: Path) -> None:
-    """Charts are as wide as the page and no part lies over another; the cards come first."""
+def test_the_report_on_paper_and_its_theme(browser: Any, report: Path) -> None:
+    """Charts are as wide as the page and no part lies over another; the cards come first. Its theme is remembered."""
     page = browser.new_context(viewport=SIZE, color_scheme="dark").new_page()
     page.goto(report.as_uri())
     wait_for(page, "document.querySelector('#lrm-card-1 .main-svg')")
@@ -214,7 +212,14 @@ def test_the_report_on_paper(browser: Any, report: Path) -> None:
             apart = one[1] <= two[0] + 1 or two[1] <= one[0] + 1 or one[3] <= two[2] + 1 or two[3] <= one[2] + 1
             assert apart, "two parts lie over one another on paper"
     page.evaluate("lrm.print(false)")
+    page.emulate_media(media="screen")
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(13, 17, 23)"
+    page.click("#lrm-theme")
+    wait_for(page, "document.documentElement.dataset.theme === 'light'")
+    page.wait_for_timeout(STORED_MS)
+    page.reload()
+    assert page.evaluate("document.documentElement.dataset.theme") == "light", "the theme is not remembered"
     page.context.close()
 
 
@@ -300,35 +305,6 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
     assert page.evaluate("document.documentElement.dataset.theme") == turned, "the theme is not remembered"
     shot(page, f"phone-{turned}.png", full_page=True)
     page.context.close()
-
-
-@pytest.mark.slow
-def test_a_report_remembers_its_theme(browser: Any, report: Path) -> None:
-    page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
-    page.goto(report.as_uri())
-    page.click("#lrm-theme")
-    wait_for(page, "document.documentElement.dataset.theme === 'dark'")
-    page.wait_for_timeout(STORED_MS)
-    page.reload()
-    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
-    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(13, 17, 23)"
-    page.context.close()
-
-
-@with_axe
-@pytest.mark.slow
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:
-    """The rules of axe-core on page and report."""
-    page = opened(browser, small, SIZE, scheme=scheme)
-    idle(page, RANKED)
-    page.wait_for_timeout(1000)
-    with page.context.expect_page() as other:
-        press(page, "report")
-    other.value.wait_for_selector("#lrm-field canvas")
-    found = [*axe_violations(page), *axe_violations(other.value)]
-    page.context.close()
-    assert not found, "\n".join(map(str, found))
 
 
 @pytest.mark.slow
