@@ -6,7 +6,7 @@ import pytest
 from _pytest.mark import ParameterSet
 from hypothesis import settings
 
-USUAL_EXAMPLES = 20
+USUAL_EXAMPLES = 12
 
 
 def in_soak() -> bool:

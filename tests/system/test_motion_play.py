@@ -56,7 +56,8 @@ def armed(daemon: tuple[DaemonSetup, Rover]) -> tuple[DaemonSetup, Rover]:
             rover.reset_fault()
         if rover.mode().mode == "disarmed":
             arm_when_ready(rover, "given", start)
-        rover.move(start)
+        if angles(rover) != pytest.approx(START, abs=1e-6):
+            rover.move(start)
     return daemon
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.errors import LrmError
@@ -30,6 +30,7 @@ from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.safety.thermal_model import gravity_torques
 from tests.support.daemon.in_memory_daemon import CONFIG, CYCLE, WALL, SimulatedDaemon
+from tests.support.sweep import examples
 
 SECOND = 1_000_000_000
 TIME_CONSTANT = 10.0
@@ -322,7 +323,7 @@ ACTIONS = st.sampled_from(["arm", "move", "hold", "relax", "reset", "estop", "le
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
+@examples(4, 8)
 @given(st.lists(st.tuples(ACTIONS, st.integers(0, 200)), min_size=5, max_size=15), st.floats(25.0, 140.0))
 def test_no_sequence_of_requests_and_faults_heats_a_servo_with_pulses_beyond_the_limit(actions, degrees) -> None:
     sim = HeatingDaemon(CONFIGS[0], stored=stored_at(degrees))

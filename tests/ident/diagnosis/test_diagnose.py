@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -48,7 +48,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
-from tests.support.sweep import soak
+from tests.support.sweep import examples, soak
 from validation import synthetic
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import ARM_FILE, measured_poses, true_arm, write_case
@@ -233,7 +233,7 @@ def test_an_effect_that_is_there_already_cannot_be_added_twice(lab: Arm, diagnos
         add_effects(better.model, data, effects_at(lab, "backlash@joint3"))
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.integers(0, 1000))
 def test_linear_held_out_is_what_refitting_in_each_fold_gives(seed: int) -> None:
     """Frisch–Waugh–Lovell: the linearised fit agrees with least squares on all columns, fold by fold."""

@@ -69,6 +69,6 @@ def test_a_field_is_added_where_it_predicts_better_and_nowhere_else(seed: int, s
     assert "not surely predict better" not in refused or with_one > without / 1.5
 
 
-@pytest.mark.parametrize("seed", seeds(2, 4))
+@pytest.mark.parametrize("seed", seeds(1, 4))
 def test_where_nothing_is_left_none_is_added(seed: int) -> None:
     assert "not surely predict better" in errors(seed, 0.0)[0]
