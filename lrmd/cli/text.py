@@ -100,8 +100,7 @@ def info_text(info: InfoState) -> str:
     lines = [
         f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:.4g} ms, {model}",
         step_text(info),
-        *([] if info.motion_model is None else [motion_model_text(info.motion_model, info.motion_sha256)]),
-        *([] if info.motion_model is None and info.shaping == "off" else [shaping_text(info)]),
+        *([motion_model_text(info.motion_model, info.motion_sha256), shaping_text(info)] if info.motion_model else []),
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):

@@ -1,6 +1,7 @@
 """What the unknown phase of the board's frames leaves of a prediction: the same moves at many phases of the frames.
 
-`python -m validation.swinging_arm.phases [--moves 100] [--kinds off zvd timed] [--clock 0.0] [--json FILE]`
+`python -m validation.swinging_arm.phases [--moves 100] [--pwm 50] [--kinds off zvd timed] [--clock 0.0]
+[--json FILE]`
 
 The simulated rover (`lrmd.sim`: servos with a dead band, links on springs) makes every move at 12 phases at once. Of
 each shaper are printed: the swing, settling, how often `settle_s` is right within 20 % (or 0.1 s), and how often the
@@ -11,20 +12,23 @@ first and second half of the moves stand apart: what was chosen by the first hal
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
+from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.servo import LARGE_SERVO
 from lrmd.sim.swing import inertia
-from validation.swinging_arm.rig import SPRINGS, SwingingRover, tip_of
+from validation.swinging_arm.rig import SPRINGS, SwingingRover, known_model, tip_of
 
-PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 5.5, 8, 10
+PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 5.5, 8, 50
 """Phases of the frames; s of a step, and steps between two tips; s for which a tip is followed; ticks between postures
 of which the inertia is taken; moves that are simulated at once."""
 WITHIN = (0.0005, 0.0001)
@@ -40,7 +44,8 @@ def distances(rover: SwingingRover, paths: list[Array], frame: float) -> Array:
     lengths = np.array([len(path) - 1 for path in paths])
     told = np.stack([np.concatenate([np.tile(path[0], (longest + 1 - len(path), 1)), path]) for path in paths])
     soft = [i for i, name in enumerate(rover.arm.joint_names) if name in SPRINGS]
-    stiff, braked = (np.array([getattr(SPRINGS[rover.arm.joint_names[i]], of) for i in soft]) for of in FIELDS)
+    springs = [SPRINGS[rover.arm.joint_names[i]] for i in soft]
+    stiff, braked = (np.array([getattr(spring, of) for spring in springs]) for of in ("stiffness", "damping"))
     chain = rover.links.truth.chain
     led = np.array([[inertia(chain, q, 0.0)[soft] for q in path[::INERTIA_TICKS]] for path in told])  # (N, K, k, n)
     last = np.array([inertia(chain, path[-1], 0.0)[soft] for path in told])
@@ -72,9 +77,6 @@ def distances(rover: SwingingRover, paths: list[Array], frame: float) -> Array:
     return np.asarray(np.linalg.norm(tips - tips[:, :, -1:], axis=3))
 
 
-FIELDS = "stiffness", "damping"
-
-
 def settled(away: Array, within: float) -> Array:
     """(N, PHASES), s, after which the tip stays within a distance (m)."""
     far = away[..., ::-1] > within
@@ -91,9 +93,9 @@ def best_share(true: Array) -> float:
     return float(max(right(told, true).mean() for told in (*true, *np.linspace(0.0, true.max(), 200))))
 
 
-def scored(kind: str, moves: int, clock: float) -> dict[str, object]:
+def scored(pwm_hz: float, kind: str, moves: int, clock: float) -> dict[str, object]:
     """The moves of one shaper; `clock`: relative error of the board's clock."""
-    rover = SwingingRover(50.0, kind)
+    rover = SwingingRover(pwm_hz, kind)
     channels = {s.name: s.channel for s in rover.config.servos if s.name in rover.arm.joint_names}
     rover.links = SimulatedArm(model_of(rover.arm, ()), channels)  # its tip is not asked for
     rng = np.random.default_rng(3)
@@ -103,14 +105,12 @@ def scored(kind: str, moves: int, clock: float) -> dict[str, object]:
     away = np.concatenate([distances(rover, paths[k : k + AT_ONCE], frame) for k in range(0, moves, AT_ONCE)])
     swing = 1e3 * np.sqrt(np.mean(away[..., round(0.2 / STEP / EVERY) : round(2.2 / STEP / EVERY)] ** 2, axis=2))
     row: dict[str, object] = {
-        "shaping": kind, "clock": clock, "tick_ms": 1e3 * rover.tick_s, "swing_rms_mm": float(swing.mean()),
-        "move_s": float(np.mean([seconds for seconds, _ in legs])),
+        "pwm_hz": pwm_hz, "shaping": kind, "clock": clock, "tick_ms": 1e3 * rover.tick_s,
+        "swing_rms_mm": float(swing.mean()), "move_s": float(np.mean([seconds for seconds, _ in legs])),
     }  # fmt: skip
     for within in WITHIN:
         motion = rover.config.motion.model_copy(update={"within_mm": 1e3 * within})
-        predictor = type(rover.known)(
-            type(rover.config)(**{**vars(rover.config), "motion": motion}), rover.known._model
-        )
+        predictor = MotionPredictor(replace(rover.config, motion=motion), known_model(rover.arm))
         told, true = np.array([predictor.settle_s(leg) for _, leg in legs]), settled(away, within)
         hits, best = right(told[:, None], true).mean(axis=1), np.array([best_share(times) for times in true])
         row[f"within_{1e3 * within:g}_mm"] = {
@@ -128,13 +128,14 @@ def main() -> None:
     """Prints a row for each shaper."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--moves", type=int, default=100)
+    parser.add_argument("--pwm", type=float, nargs="+", default=[50.0], help="Hz, of the pulses")
     parser.add_argument("--kinds", nargs="+", default=["off", "zvd", "timed"], help="of shaping")
     parser.add_argument("--clock", type=float, default=0.0, help="relative error of the board's oscillator_hz")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     rows = []
-    for kind in given.kinds:
-        rows.append(scored(kind, given.moves, given.clock))
+    for pwm_hz, kind in itertools.product(given.pwm, given.kinds):
+        rows.append(scored(pwm_hz, kind, given.moves, given.clock))
         print(json.dumps(rows[-1]), flush=True)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1) + "\n")

@@ -40,8 +40,8 @@ FRAME_TICKS, NOISE_M = 2, 0.0003
 RENEW_TICKS, POSTURES = 15, 500
 
 
-def known_model(arm: Arm, off: float = 0.0) -> MotionModel:
-    """A motion model that knows the springs; `off`: relative error of its frequencies."""
+def known_model(arm: Arm) -> MotionModel:
+    """A motion model that knows the springs."""
     chain, rng = chain_of(arm), np.random.default_rng(0)
     lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
     M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)
@@ -51,9 +51,7 @@ def known_model(arm: Arm, off: float = 0.0) -> MotionModel:
     for place, spring in SPRINGS.items():
         effect = effect_of(arm, f"swing@{place}")
         omega, J = np.sqrt(spring.stiffness / M[effect.joint]), M[effect.joint]
-        own = dict(
-            zip(effect.keys, (omega / 2.0 / np.pi * (1.0 + off), spring.damping / (2.0 * omega * J)), strict=True)
-        )
+        own = dict(zip(effect.keys, (omega / 2.0 / np.pi, spring.damping / (2.0 * omega * J)), strict=True))
         kept = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
         model = model.with_joint((*model.of_joint(effect.joint), effect), {**kept, **own}, {})
     return model
@@ -87,7 +85,6 @@ class SwingingRover:
     pwm_hz: float
     shaping: str = "off"
     within_mm: float = 0.5
-    off: float = 0.0
     dead_band: float | None = None
     seed: int = 0
     in_frames: bool = False
@@ -102,7 +99,7 @@ class SwingingRover:
         self.config = replace(config, motion=motion)
         self.arm, self.rng = self.config.arm, np.random.default_rng(self.seed)
         self.daemon = SimulatedDaemon(self.config)
-        self.known = MotionPredictor(self.config, known_model(self.arm, self.off))
+        self.known = MotionPredictor(self.config, known_model(self.arm))
         self.daemon.core.motion = self.known
         channels = {s.name: s.channel for s in self.config.servos if s.name in self.arm.joint_names}
         self.links = SimulatedArm(model_of(self.arm, ()), channels, dead_band=self.dead_band, springs=SPRINGS)
