@@ -59,7 +59,7 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
         idle(page, RANKED)
         first = page.evaluate("lrm.state.values.history[0]")
         assert not first["here"]
-        assert page.evaluate("lrm.state.values.story.steps[1].left_mm") == pytest.approx(first["rms"])
+        assert page.evaluate("lrm.state.values.story.steps[1].rms_mm") == pytest.approx(first["rms"])
         breaks_where_data_differ(page)
         page.click("[data-name=add]")
         wait_for(page, TWO_STEPS)
