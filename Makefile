@@ -8,6 +8,7 @@ BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
+QUERIES ?= 1000000
 TARGETS ?= manylinux_2_17_x86_64 manylinux_2_17_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64 win_amd64 win_arm64
 LEROBOT ?= 0.6.1
 LEROBOT_VENV := .venv-lerobot-$(LEROBOT)
@@ -22,7 +23,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels integrations coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -134,15 +135,23 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
-soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
+soak: soak-laws soak-daemon soak-kernel soak-attacks ## all four parts of it (days, mostly of the third; the weekly workflow runs them side by side, the third shorter)
+
+soak-laws: setup ## all laws with fifteen times the examples, and what is marked `soak`
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -m soak tests/ident/workbench tests/system --hypothesis-profile=thorough
+
+soak-daemon: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken frames and messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.lines
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
-	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised 1000000
+
+soak-kernel: setup ## QUERIES=1000000 to the inverse kinematics, its kernel under sanitizers
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised $(QUERIES)
+
+soak-attacks: setup ## attacks and legal clients for MINUTES=10 each, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.forger
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.process_memory
@@ -219,7 +228,8 @@ motion: setup ## hidden effects of motion in 19 simulated recordings through aut
 
 swing: setup ## the simulated rover's arm swings: settling as predicted, moves shaped and not, a campaign with --settle auto (20 minutes; PWM=)
 	@mkdir -p $(OUT)
-	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --pwm $(or $(PWM),50 330) --json $(OUT)/swing.json
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.phases --pwm $(or $(PWM),50) --json $(OUT)/swing.json
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --frames --json $(OUT)/campaign.json
 	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.picture docs/pictures/swing.png
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)

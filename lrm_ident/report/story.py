@@ -14,12 +14,15 @@ from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
 from lrm_math.arm.arm_file import MM
+from lrm_math.effects import EffectRef
+from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.model.model_file import AttributionTerm, CourseTable, HistoryTable, ModelFile
 
 Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 8
+BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 ON_THE_ARM = "expected on the arm (effects of this session alone left out)"
 ANEW = "with the effects, too, chosen without these poses"
 
@@ -49,6 +52,7 @@ class Story:
         steps: of the nominal arm, of the fit, of every effect that was added.
         held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
         nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold.
+        of_tracker: whether an error of the tracker was added.
         noise_rms_mm: of the measurement; noise_bound_rms_mm: where that is not known, what it is at most.
     """
 
@@ -58,6 +62,7 @@ class Story:
     nested_deployed_rms_mm: float | None = None
     noise_rms_mm: float | None = None
     noise_bound_rms_mm: float | None = None
+    of_tracker: bool = False
 
     @property
     def sentence(self) -> str:
@@ -76,7 +81,7 @@ class Story:
         nested, on_arm = self.nested_rms_mm, self.nested_deployed_rms_mm
         more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
         known = (
-            ("as deployed", deployed, f" {ON_THE_ARM}"),
+            ("as deployed", deployed, f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}"),
             ("nested", nested, f", {ANEW}{more}"),
             ("measurement noise", self.noise_rms_mm, ""),
             ("measurement noise", self.noise_bound_rms_mm if self.noise_rms_mm is None else None, " at most"),
@@ -139,7 +144,10 @@ def story_of(
         deployed = entry.deployed_rms_mm if held_out else None
         steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].rms_mm, left, deployed))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
-    return Story(tuple(steps), held_out, course.nested_rms_mm, course.nested_deployed_rms_mm, noise, bound_mm)
+    nested = course.nested_rms_mm, course.nested_deployed_rms_mm
+    names = [entry.name.added for entry in history if entry.name.added]
+    of_tracker = any(EffectRef.parse(name).place == FRAME_PLACE for name in names)
+    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker)
 
 
 def _alike(one: float | None, other: float | None) -> bool:

@@ -15,6 +15,7 @@ from tests.support.source_files import syntax_tree
 from validation.proofs.guarantees import guarantees
 from validation.proofs.history import continued, line_of
 from validation.proofs.pages import PAGES, pages
+from validation.proofs.readme_table import README, RESULT, readme, with_rows
 from validation.proofs.result_file import FOLDER, ProofResult, computed, read, write
 
 RESULTS = sorted(FOLDER.glob("*.json"))
@@ -26,6 +27,17 @@ def test_every_page_is_made_from_the_result_beside_it() -> None:
     assert [path.name for path in sorted(made)] == [path.name for path in sorted(FOLDER.glob("*.md"))]
     for path, text in made.items():
         assert path.read_text(encoding="utf-8") == text, f"{path.name} is not what its result says: make proofs"
+
+
+def test_readme_has_the_errors_of_the_real_arms() -> None:
+    """`make proofs` writes them."""
+    text = README.read_text(encoding="utf-8")
+    assert readme() == {README: text}
+    arm, model, poses, *_, deployed = read(RESULT).rows[0]
+    assert model == "nominal"
+    assert f"| {arm}, {poses} poses | {deployed:.3g} |" in text
+    with pytest.raises(ValueError, match="there should be a table"):
+        with_rows("# README\n", read(RESULT))
 
 
 def test_every_page_has_its_result() -> None:

@@ -20,7 +20,7 @@ from lrm_math.kinematics.poses import Poses
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 WARM_UP = 8  # frames: old ones in the camera's queue, and its exposure
 WEB = ("http://", "https://")
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0  # more than the simulated webcam waits for its board on a busy computer
 Picture = NDArray[np.uint8]
 
 

@@ -20,7 +20,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import plain_name, repair_advice
-from lrm_ident.report.story import ON_THE_ARM
+from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_sentence
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -31,7 +31,7 @@ from lrm_math.effects.targets import FRAME_PLACE
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = (
-    "estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
+    "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
     "hidden at most",
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
@@ -39,7 +39,6 @@ FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
-BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
@@ -186,6 +185,9 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
+    if report.beside:
+        both = "only with both does the model surely predict later poses better"
+        yield "add as well", f"{plain_name(report.beside)} ({report.beside}): {both}"
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
     yield "tracker's scale", scale_sentence(fit)
     if first is not None and attribution is not None:
