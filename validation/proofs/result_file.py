@@ -68,7 +68,8 @@ COMMIT = _commit()
 def _machine() -> str:
     load = f", load {os.getloadavg()[1]:.1f}" if hasattr(os, "getloadavg") else ""  # of five minutes
     alone = ", at real-time priority" if getattr(os, "sched_getscheduler", int)(0) else ""
-    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores{load}{alone}, Python {platform.python_version()}"
+    machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores{load}{alone}"
+    return f"{machine}, Python {platform.python_version()}"
 
 
 def _without_folders(word: str) -> str:
