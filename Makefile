@@ -228,7 +228,8 @@ motion: setup ## hidden effects of motion in 19 simulated recordings through aut
 
 swing: setup ## the simulated rover's arm swings: settling as predicted, moves shaped and not, a campaign with --settle auto (20 minutes; PWM=)
 	@mkdir -p $(OUT)
-	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --pwm $(or $(PWM),50 330) --json $(OUT)/swing.json
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.phases --pwm $(or $(PWM),50) --json $(OUT)/swing.json
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --frames --json $(OUT)/campaign.json
 	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.picture docs/pictures/swing.png
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)

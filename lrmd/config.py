@@ -11,6 +11,7 @@ from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MICROSECOND, Angle, load_arm
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.toml_file import StrictSchema, read_toml
@@ -23,6 +24,8 @@ SECOND, MS, US = 1_000_000_000, 1_000_000, 1_000
 
 SHORTEST_PULSE = 100 * US
 """ns: no servo takes a shorter one; a table with one is in another unit, or has too wide a range."""
+LONGER_TICK = 0.05
+"""Share by which a tick may be longer than `tick_ms` so that a frame of the board is whole ticks long."""
 
 Milliseconds = Annotated[float, Field(gt=0, le=60_000)]
 Celsius = Annotated[float, Field(ge=-50, le=150)]
@@ -255,7 +258,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
     return Config(
         robot=t.robot, arm=arm, arm_file=t.arm, model=None if t.model is None else Path(t.model),
         link=t.link, clock=clock, servos=servos, reply=round(t.link.reply_ms * MS),
-        tick=round(t.ramp.tick_ms * MS), step=round(t.ramp.step_us * US), realtime_priority=t.ramp.realtime_priority,
+        tick=_tick(t, clock), step=round(t.ramp.step_us * US), realtime_priority=t.ramp.realtime_priority,
         command=round(t.safety.command_ms * MS), lease=round(t.safety.lease_ms * MS),
         stagger=round(t.safety.stagger_ms * MS), rest=None if rest is None else tuple(map(math.radians, rest)),
         unpowered=t.safety.unpowered_nm,
@@ -265,6 +268,17 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh, motion=t.motion,
         simulation=t.simulation,
     )  # fmt: skip
+
+
+def _tick(t: DaemonFile, clock: PwmClock) -> int:
+    """ns of a tick: `tick_ms`, or with `timed` moves up to `LONGER_TICK` more, so that a frame is whole ticks long.
+
+    The waits of such moves then hit the board's frames. A tick is never shorter than `tick_ms`.
+    """
+    tick, frame = t.ramp.tick_ms * MS, COUNTS_PER_PERIOD * clock.count_s * SECOND
+    whole = frame / max(math.floor(frame / tick), 1)
+    fits = t.motion.shaping == "timed" and tick < whole <= (1.0 + LONGER_TICK) * tick
+    return math.ceil(whole) if fits else round(tick)
 
 
 def _servos(t: DaemonFile, arm: Arm) -> tuple[ServoConfig, ...]:

@@ -16,7 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting import cross_validation
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
-from tests.support.sweep import in_soak
+from tests.support.sweep import USUAL_EXAMPLES, in_soak
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
@@ -29,7 +29,7 @@ os.environ.setdefault("XDG_STATE_HOME", str(ROOT / "out" / "state"))  # not wher
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # started in the background: commands are sent it here
 _LAWS = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
-settings.register_profile("lrm", _LAWS, max_examples=20)
+settings.register_profile("lrm", _LAWS, max_examples=USUAL_EXAMPLES)
 settings.register_profile("thorough", _LAWS, max_examples=300, derandomize=False)  # make soak
 settings.load_profile("lrm")
 

@@ -19,6 +19,7 @@ from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.design.detmax import check_count, maximise_criterion
 from lrm_ident.design.discrimination import (
     Discrimination,
+    Rival,
     UnsuitableRival,
     check_testable,
     discrimination_of,
@@ -67,6 +68,11 @@ class ExpectedAccuracy:
     standard_errors: Array
     tcp: float
     discrimination: Discrimination | None
+
+    @property
+    def rivals(self) -> tuple[Rival, ...]:
+        """What is expected of each rival; none if none are named."""
+        return () if self.discrimination is None else self.discrimination.rivals
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,15 +107,14 @@ def run_auto(
     on_step(steps[0])
     while latest.first is not None and latest.refit is not None and len(steps) <= max_effects:
         on_confirmed(latest.refit)
-        effect, evidence = latest.first.name, _evidence(latest, latest.first)
+        effect, evidence, beside = latest.first.name, _evidence(latest, latest.first), latest.beside
         last, refit, poses, blocks = steps[-1].fit.model, latest.refit, latest.diagnosis.data.pose, latest.blocks
         del latest  # a diagnosis holds the columns of every candidate: one at a time
         try:
             same_fit = refit.fit if np.array_equal(poses, data.pose) else None
             diagnosis = diagnose(refit.fit.model, data, kinds, progress, loss, rates, same_fit)
-            latest = confirm(
-                diagnosis, refit.blocks if np.array_equal(diagnosis.data.pose, poses) else (), refused=refused
-            )
+            same_blocks = refit.blocks if np.array_equal(diagnosis.data.pose, poses) else ()
+            latest = confirm(diagnosis, same_blocks, refused=refused, tested=beside)
         except LrmError:  # no diagnosis with it: it is refused, and the steps before stay
             refused = (*refused, effect)
             latest = confirm(diagnose(last, data, kinds, progress, loss, rates), blocks, refused=refused)

@@ -44,11 +44,13 @@ from lrm_ident.residual.thresholds import (
     Z_THRESHOLD,
 )
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, ModelPart
+from lrm_math.effects import Effect, ModelPart, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import ImplausibleEstimate
 from lrm_math.model.deployed_model import of_a_session
 
+MOST_SIMPLER = 2
+"""Members of a class with fewer parameters that are refitted: a bound on time."""
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
 
@@ -87,6 +89,7 @@ class ConfirmedDiagnosis:
         refused: for each one whose refit did not confirm it, why.
         refuted: whether one of them was refitted; one that these poses cannot tell from the model does not count.
         worse_deployed: of those refused since the deployed model would be worse: its held-out RMS without, with it (m).
+        beside: the effect beside which alone the deployed model with the first one is better; empty: it needs none.
     """
 
     diagnosis: Diagnosis
@@ -96,6 +99,7 @@ class ConfirmedDiagnosis:
     refused: Mapping[str, Reason]
     refuted: bool = False
     worse_deployed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    beside: str = ""
 
     @property
     def held_out(self) -> Array:
@@ -153,6 +157,7 @@ def confirm(
     blocks: tuple[HeldOutBlock, ...] = (),
     on_progress: Callable[[str], object] = str,
     refused: Collection[str] = (),
+    tested: str = "",
 ) -> ConfirmedDiagnosis:
     """Refits the first supported effect; while the refit does not confirm it, selects again without it.
 
@@ -163,6 +168,8 @@ def confirm(
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
         refused: effects (`effect@place`) left out from the start, since a model with them cannot be diagnosed.
+        tested: the effect beside which the last one was added (`ConfirmedDiagnosis.beside`): of the two together it is
+            known that the deployed model is better.
     """
     if not blocks:
         on_progress("cross-validating the model as it is")
@@ -174,10 +181,11 @@ def confirm(
     while selection.supported and len(reasons) < MOST_REFUSED:
         scored = selection.supported[0]
         on_progress(f"refitting with {scored.name}")
-        trial = _refit_trial(selection, scored, blocks)
+        trial = _refit_trial(selection, scored, blocks, tested)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
+            selection, trial = _simplest(selection, trial, blocks, tested)
             return ConfirmedDiagnosis(
-                selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse
+                selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse, beside=trial.beside
             )
         refuted |= trial.fitted
         if trial.worse_deployed:
@@ -200,9 +208,27 @@ class _Trial:
     objection: Reason | None = None
     fitted: bool = True
     worse_deployed: tuple[float, float] | None = None
+    beside: str = ""
 
 
-def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
+def _simplest(
+    diagnosis: Diagnosis, trial: _Trial, blocks: tuple[HeldOutBlock, ...], tested: str
+) -> tuple[Diagnosis, _Trial]:
+    """The diagnosis led by the member of the first effect's class that predicts best when refitted, and its trial:
+    one with fewer parameters where it predicts no worse.
+
+    The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
+    """
+    for simpler in diagnosis.simpler_alike()[:MOST_SIMPLER]:
+        instead = _refit_trial(diagnosis, simpler, blocks, tested)
+        if trial.refit and instead.refit and instead.refit.squares.mean() <= trial.refit.squares.mean():
+            diagnosis, trial = diagnosis.led_by(simpler), instead
+    return diagnosis, trial
+
+
+def _refit_trial(
+    diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...], tested: str = ""
+) -> _Trial:
     """Refits the model with a candidate, and tests its parameters (Wald) and its held-out error (Vuong)."""
     data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
     try:
@@ -217,15 +243,57 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
         return _Trial(None, Reason(ReasonKind.NOT_REFITTED, said=str(error)), fitted=False)
     if objection := objection_to_prediction(blocks, refit.blocks):
         return _Trial(None, objection)
-    explains_all = not _leaves_more_than_noise(diagnosis, fitted)
-    of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
-    if of_tracker:
+    if scored.name == tested:
         return _Trial(refit)
-    if worse := _worse_as_deployed(effect, refit, blocks):
+    objected = _objection_as_deployed(diagnosis, [effect], refit, blocks)
+    if objected is None:
+        return _Trial(refit)
+    beside = _beside_which_it_lasts(diagnosis, scored, refit, blocks)
+    return _Trial(refit, beside=beside) if beside else objected
+
+
+def _objection_as_deployed(
+    diagnosis: Diagnosis, effects: Sequence[Effect], refit: Refit, blocks: tuple[HeldOutBlock, ...]
+) -> _Trial | None:
+    """What speaks against the deployed model of a refit with further effects; None where nothing does.
+
+    Where a tracker's error is among them and nothing but noise is left, its points cannot judge the arm.
+    """
+    of_tracker = any(effect.part is ModelPart.MEASUREMENT for effect in effects)
+    judges_arm = not of_tracker or _leaves_more_than_noise(diagnosis, refit.fit)
+    if judges_arm and (worse := _worse_as_deployed(effects, refit, blocks)):
         return _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
-    if later := _not_better_later(effect, diagnosis.fit, fitted, data):
+    if later := _not_better_later(effects, diagnosis.fit, refit.fit, diagnosis.data):
         return _Trial(None, Reason(ReasonKind.NOT_BETTER_LATER, later))
-    return _Trial(refit)
+    return None
+
+
+def _beside_which_it_lasts(
+    diagnosis: Diagnosis, scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]
+) -> str:
+    """The plain effect (`_companion`) beside which nothing speaks against the deployed model with this one, or empty.
+
+    Two effects of the session hide each other: what one leaves unexplained spoils the forecasts of the other.
+    """
+    other = _companion(diagnosis, scored)
+    if other is None:
+        return ""
+    effects = [scored.candidate.effect, other.candidate.effect]
+    try:
+        fitted = add_effects(refit.fit.model, diagnosis.data, effects[1:], other.shape, diagnosis.fit.loss)
+        both = Refit(fitted, blocks_of_fit(fitted, diagnosis.data))
+    except LrmError:
+        return ""
+    objected = objection_to_prediction(refit.blocks, both.blocks)
+    return "" if objected or _objection_as_deployed(diagnosis, effects, both, blocks) else other.name
+
+
+def _companion(diagnosis: Diagnosis, scored: ScoredCandidate) -> ScoredCandidate | None:
+    """The plain effect that is selected next beside one, or that a selected form is a form of; None without any."""
+    selected = [other.candidate.effect for other in diagnosis.supported if other is not scored]
+    names = {name for effect in selected for name in (variants(effect) if effect.is_free_form else [effect.name])}
+    plain = (other for other in diagnosis.scored if other.name in names - {scored.name} and not other.implausible)
+    return next(plain, None)
 
 
 def _bends_what_it_measures(effect: Effect) -> bool:
@@ -238,7 +306,9 @@ def _leaves_more_than_noise(diagnosis: Diagnosis, fitted: Fit) -> bool:
     return diagnosis.floor.sd is not None and fitted.sigma > FLOOR_RATIO * diagnosis.floor.sd
 
 
-def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[float, float] | None:
+def _worse_as_deployed(
+    effects: Sequence[Effect], refit: Refit, blocks: tuple[HeldOutBlock, ...]
+) -> tuple[float, float] | None:
     """Held-out RMS (m) as deployed before and after a refit that is surely worse there, or of a form not better; else
     None.
 
@@ -247,22 +317,26 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     """
     rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
     before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
-    allowed = 0.0 if effect.is_free_form and not of_a_session(effect) else ONE_DEVIATION
+    forms = all(effect.is_free_form and not of_a_session(effect) for effect in effects)
+    allowed = 0.0 if forms else ONE_DEVIATION
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= allowed:
         return None
     return error_stats(before).rms, error_stats(after).rms
 
 
-def _not_better_later(effect: Effect, before: Fit, after: Fit, data: Measurements) -> tuple[float, float] | None:
-    """RMS (m) of later poses predicted from those before them, without and with an effect of a session whose forecasts
-    are not surely better; None where they are, or cannot judge it.
+def _not_better_later(
+    effects: Sequence[Effect], before: Fit, after: Fit, data: Measurements
+) -> tuple[float, float] | None:
+    """RMS (m) of later poses predicted from those before them, without and with effects of a session whose forecasts
+    are not surely better; None where they are, or cannot judge them.
 
     Whether a state outlasts its session only later poses can tell. Other effects, and a change about when the last
     forecast began or after, are judged by the cross-validation alone.
     """
-    if not of_a_session(effect) or effect.part is ModelPart.MEASUREMENT or not allows_rolling_origin(data):
+    lasting = [effect for effect in effects if of_a_session(effect) and effect.part is not ModelPart.MEASUREMENT]
+    if not lasting or not allows_rolling_origin(data):
         return None
-    if changes_too_late(effect, after.model, data):
+    if any(changes_too_late(effect, after.model, data) for effect in lasting):
         return None
     without, with_it = rolling_origin_squares(before, data), rolling_origin_squares(after, data)
     if same_forecasts(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:

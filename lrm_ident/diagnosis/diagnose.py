@@ -130,6 +130,24 @@ class Diagnosis:
             return Verdict.NOISE_UNKNOWN
         return Verdict.UNPREDICTABLE if self.above_floor else Verdict.NOTHING_MISSING
 
+    def simpler_alike(self) -> list[ScoredCandidate]:
+        """Members of the first supported effect's class with fewer parameters than it, the most helpful first."""
+        first = self.supported[0]
+        alike = [one for one in self.scored if one.name in self.equivalent[first.name] and one.size < first.size]
+        return sorted(alike, key=lambda candidate: candidate.alone.rms)
+
+    def led_by(self, other: ScoredCandidate) -> Diagnosis:
+        """The same with another member of the first supported effect's class in its place."""
+        first = self.supported[0]
+        selected = tuple(other if one is first else one for one in self.selected if one is not other)
+        members = (first.name, *(name for name in self.equivalent[first.name] if name != other.name))
+        return replace(
+            self,
+            scored=(*selected, *(one for one in self.scored if one not in selected)),
+            selected=selected,
+            equivalent={one.name: members if one is other else self.equivalent[one.name] for one in selected},
+        )
+
     def rivals(self, taken: Collection[str]) -> dict[str, float]:
         """Held-out RMS (m) that each of the best plausible effects not `taken` would leave alone, the least first."""
         others = [candidate for candidate in self.scored if candidate.name not in taken and not candidate.implausible]

@@ -90,6 +90,7 @@ class DiagnosisReport(ShownInNotebook):
         share: of the held-out mean square above the noise that the first candidate takes away.
         patterns: of the residual, without a name. hints: patterns of the estimates, which are no effects.
         replicates: whether the first candidate is chosen in both halves of the data.
+        beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.
     """
 
     diagnosis: Diagnosis
@@ -104,6 +105,7 @@ class DiagnosisReport(ShownInNotebook):
     patterns: ResidualPatterns
     hints: tuple[str, ...]
     replicates: bool = True
+    beside: str = ""
 
     def __repr__(self) -> str:
         fit = self.diagnosis.fit
@@ -169,6 +171,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         fitted=error_stats(diagnosis.fit.residual),
         held_out=before,
         deployed=confirmed.deployed,
+        beside=confirmed.beside,
         ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data.poses, diagnosis.fit.equilibrium.joint_torque),

@@ -17,7 +17,7 @@ from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearis
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.screening.screen import Screening
 from lrm_ident.fitting.cross_validation import held_out_folds
-from lrm_ident.residual.better_prediction import paired_z
+from lrm_ident.residual.better_prediction import paired_z, paired_z_of_each
 from lrm_ident.residual.thresholds import ONE_DEVIATION, Z_THRESHOLD
 
 NEEDS_ALL_TIMES = frozenset({"time", "session"})
@@ -57,12 +57,12 @@ def _chosen(screening: Screening, halves: Halves, own: int, rivals: Collection[i
     columns[screening.linear.order] = screening.sets.columns
     estimates = linear.explain_each(linear.in_folds(columns[linear.order], screening.sets.stacks))
     held_out, before = estimates[own].held_out, linear.baseline.held_out
-    for half in halves:
-        if paired_z(held_out[half], before[half]) < ONE_DEVIATION:
-            return False
-        if any(paired_z(estimates[number].held_out[half], held_out[half]) > Z_THRESHOLD for number in rivals):
-            return False
-    return True
+    others = np.array([estimates[number].held_out for number in rivals]).reshape(-1, len(before))
+    return all(
+        paired_z(held_out[half], before[half]) >= ONE_DEVIATION
+        and not (paired_z_of_each(others[:, half], held_out[half]) > Z_THRESHOLD).any()
+        for half in halves
+    )
 
 
 def _in_halves(linear: LinearisedFit, halves: Halves) -> LinearisedFit:

@@ -69,7 +69,8 @@ def file_head(path: Path) -> Iterator[str]:
     yield from (f"  {words}" for words in table.notices)
     yield f"  {len(table.rows)} rows, names in line {table.header_line}"
     for column, cells in zip(table.columns, zip(*table.rows, strict=True), strict=True):
-        yield f"  {_name(column.stated)}: {_kinds(cells)}"
+        name = "(a number in place of a name)" if _is_number(column.stated) else column.stated
+        yield f"  {name}: {_kinds(cells)}"
 
 
 def _kernel() -> str:
@@ -105,10 +106,6 @@ def _names(values: Any, above: str = "") -> Iterator[str]:
             yield f"{name} = {Path(value).name if key == 'arm' else value}"
         else:
             yield f"{name}: {type(value).__name__}{f' of {len(value)}' if isinstance(value, list) else ''}"
-
-
-def _name(stated: str) -> str:
-    return "(a number in place of a name)" if _is_number(stated) else stated
 
 
 def _kinds(cells: Iterable[str]) -> str:

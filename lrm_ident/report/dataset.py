@@ -42,7 +42,7 @@ class DatasetCheck:
 def dataset_document(found: DatasetCheck) -> Document:
     """Result of `lrm-ident dataset check`, schema `lrm/dataset-check/1`."""
     data, poses = found.data, found.data.poses
-    count = len(found.faults)
+    count, stated = len(found.faults), found.card.model_dump()
     lacking = (
         f"Not complete: {count} {'thing is' if count == 1 else 'things are'} missing. The table itself can be read."
     )
@@ -54,7 +54,7 @@ def dataset_document(found: DatasetCheck) -> Document:
         ("loads", str(levels[0])),
         ("sessions", str(levels[1])),
         ("columns", ", ".join(found.columns)),
-        *((name, _words(value)) for name, value in found.card.model_dump().items() if value),
+        *((name, value if isinstance(value, str) else ", ".join(value)) for name, value in stated.items() if value),
     ]
     blocks: list[Block] = [heading(verdict), ResultTable(("what", "is"), rows, data.path.name)]
     if found.faults:
@@ -69,7 +69,3 @@ def dataset_document(found: DatasetCheck) -> Document:
         "sha256": data.sha256,
     }
     return Document(blocks, "lrm/dataset-check/1", values)
-
-
-def _words(value: str | list[str]) -> str:
-    return value if isinstance(value, str) else ", ".join(value)

@@ -164,8 +164,7 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
     known = _known(found)
     errors = zip(*(knowledge.standard_errors for knowledge in known.values()), strict=True)
     rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(found.keys, errors, strict=True)]
-    separated = [knowledge.discrimination.rivals for knowledge in known.values() if knowledge.discrimination]
-    for rivals in zip(*separated, strict=True):
+    for rivals in zip(*(knowledge.rivals for knowledge in known.values() if knowledge.rivals), strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
     return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
 
@@ -207,17 +206,13 @@ def _leads(found: PoseDesign) -> Iterator[str]:
         both = frozenset((pair.there, pair.instead))
         least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
     for pair in least.values():
-        told = "will" if pair.told else "will not"
+        told, ways = "will" if pair.told else "will not", ((pair.there, pair.instead), (pair.instead, pair.there))
+        tried = ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in ways)
         yield (
             f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
             f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}. "
-            f"Tried on {TRIALS} simulated measurements of each: {_tried(found, pair)}."
+            f"Tried on {TRIALS} simulated measurements of each: {tried}."
         )
-
-
-def _tried(found: PoseDesign, pair: CausePair) -> str:
-    both = ((pair.there, pair.instead), (pair.instead, pair.there))
-    return ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in both)
 
 
 def _holds(found: PoseDesign) -> Iterator[str]:
@@ -235,18 +230,18 @@ def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTab
 
     Both of its first parameter.
     """
-    known = {name: one.discrimination for name, one in _known(found).items() if one.discrimination is not None}
+    known = {name: one.rivals for name, one in _known(found).items() if one.rivals}
     if not known:
         return
     rows = []
     for k, effect in enumerate(task.rivals):
         parameter = next(p for p in effect.parameters if p.fixed is None)
-        sizes = [one.rivals[k].detectable_size for one in known.values()]
+        sizes = [rivals[k].detectable_size for rivals in known.values()]
         shown = [
             "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
             for size in sizes
         ]
-        error = dict(known["with these"].rivals[k].standard_errors).get(parameter.name)
+        error = dict(known["with these"][k].standard_errors).get(parameter.name)
         rows.append((effect.name, *shown, "" if error is None else f"± {with_unit(error, None, parameter.unit)}"))
     power = in_percent(TARGET_POWER)
     columns = ("effect", *(f"{name}|" for name in known), "standard error|")
@@ -266,7 +261,7 @@ def _knowledge(found: PoseDesign, known: ExpectedAccuracy) -> dict[str, object]:
             "test_level": TEST_LEVEL,
             "found_from_typical_sizes": rival.detectable_size,
         }
-        for rival in known.discrimination.rivals
+        for rival in known.rivals
     ]
     return out | {"cosine": known.discrimination.cosine, "separate": rivals}
 

@@ -92,8 +92,10 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
         *_outlier_words(outliers),
         *_without_outliers(fit, data),
-        *_told_words(fit),
     ]
+    if fit.stated is not None:  # a prior holds the parameters that the poses do not determine
+        few, count = int((fit.told < MOSTLY_TOLD).sum()), len(fit.told)
+        blocks.append(f"The poses determine {count - few} of {count} parameters; {few} stay near their typical sizes.")
     details: list[Block] = [
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
@@ -141,14 +143,6 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
     yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): {lacks}."
 
 
-def _told_words(fit: Fit) -> Iterator[str]:
-    """How many parameters the poses determine, where a prior holds the others."""
-    if fit.stated is not None:
-        few = int((fit.told < MOSTLY_TOLD).sum())
-        count = len(fit.told)
-        yield f"The poses determine {count - few} of {count} parameters; {few} stay near their typical sizes."
-
-
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
     """Options that fit without the outliers, where these are few and more than half of the squared error is theirs.
 
@@ -169,10 +163,12 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     field = field_of(found.equilibrium.model)
     box = found.predictable
     black_box = [] if box is None else [f"Black-box model: {box.sentence}"]
+    held_out = None if found.held_out.error is None else found.held_out.error.rms
+    unseen = "" if held_out is None else f", {in_mm(held_out)} mm {wording.UNSEEN}"
     title = f"{poses_count(len(data))}, {free} parameters"
     blocks = [
-        heading(f"{title}: {_fails_where(found)}"),
-        *_beside_noise(noise_floor(data, found.equilibrium), _held_out_rms(found)),
+        heading(f"{title}: RMS error {in_mm(found.error.rms)} mm{unseen}."),
+        *_beside_noise(noise_floor(data, found.equilibrium), held_out),
         *_depends_on(found.factors),
         *error_blocks(errors, ""),
         *(() if field is None else field_blocks(found, field)),
@@ -218,17 +214,6 @@ def diagnose_next(files: Sequence[str]) -> list[Block]:
     return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}"), f"      {DIAGNOSE_WILL}"]
 
 
-def _held_out_rms(found: ModelComparison) -> float | None:
-    return None if found.held_out.error is None else found.held_out.error.rms
-
-
-def _fails_where(found: ModelComparison) -> str:
-    """How large the error is."""
-    held_out = found.held_out.error
-    unseen = "" if held_out is None else f", {in_mm(held_out.rms)} mm {wording.UNSEEN}"
-    return f"RMS error {in_mm(found.error.rms)} mm{unseen}."
-
-
 def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
     """What the error depends on most, if on anything."""
     if factors and factors[0].share >= LITTLE:
@@ -267,26 +252,26 @@ def _worst_table(found: ModelComparison) -> ResultTable:
 
 def parameter_table(fit: Fit) -> ResultTable:
     """Estimates with standard errors, and how much of them the data told; angles in degrees."""
-    errors = zip(fit.model.free, fit.standard_error.tolist(), strict=True)
-    told = zip(fit.model.free, fit.told.tolist(), strict=True)
-    known = {key: part for key, part in told if key not in fit.at_bound and not np.isnan(part)}
-    return estimate_table(fit.model, {key: error for key, error in errors if key not in fit.at_bound}, known)
+    known = parameter_estimates(fit)
+    told = {key: one.from_data for key, one in known.items() if one.from_data is not None}
+    return estimate_table(fit.model, {key: one.standard_error for key, one in known.items()}, told)
 
 
-def estimate_table(model: Model, errors: Mapping[str, float], told: Mapping[str, float] | None = None) -> ResultTable:
-    """The free parameters of a model with their standard errors (SI); those without one are at a bound.
+def estimate_table(
+    model: Model, errors: Mapping[str, float | None], told: Mapping[str, float] | None = None
+) -> ResultTable:
+    """The free parameters of a model with their standard errors, those without one being at a bound; angles in degrees.
 
-    `told`: the part (0 to 1) of what was unknown of them that the data removed, the rest being their typical size.
-    Coefficients of a residual field, of which none means anything, are counted only.
+    `errors`: in the units of the keys. `told`: the part (0 to 1) of what was unknown of them that the data removed, the
+    rest being their typical size. Coefficients of a residual field, of which none means anything, are counted only.
     """
     rows, named = [], named_part(model).free
     for key in named:
         name, scale, unit = screen_unit(model, key)
-        value, error = wording.with_error(model.value(key) * scale, errors.get(key, 0.0) * scale)
-        from_data = f"{in_percent(max(told[key], 0.0))} %" if told and key in told else ""
-        rows.append(
-            (name, value, f"± {error}" if key in errors else "at its bound", unit, *([from_data] if told else []))
-        )
+        error, si = errors.get(key), model.parameter(key).si
+        value, sd = wording.with_error(model.value(key) * scale, (error or 0.0) * si * scale)
+        share = [f"{in_percent(told[key])} %" if key in told else ""] if told else []
+        rows.append((name, value, "at its bound" if error is None else f"± {sd}", unit, *share))
     columns = ("parameter", "value|", "± standard error|", "unit", *(["from data|"] if told else []))
     field = len(model.free) - len(named)
     beside = f", and {field} numbers of a residual field, which are not causes" if field else ""
@@ -332,14 +317,10 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
     columns = ("grouped by", "explains|", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
-        (f.name, _share(f.share), w.label, w.error.rms * 1e3, w.count)
+        (f.name, "< 1 %" if 0 < f.share < 0.01 else f"{in_percent(f.share)} %", w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
     return ResultTable(columns, rows, "Where the model fails: share of the squared error that each explains, alone")
-
-
-def _share(share: float) -> str:
-    return "< 1 %" if 0.0 < share < 0.01 else f"{in_percent(share)} %"
 
 
 def _group_table(factor: Factor) -> ResultTable:

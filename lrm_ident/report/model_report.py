@@ -43,8 +43,8 @@ from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, to_model
 
 POSES_SHOWN = 20
-
-
+ERRORS = {"fit_rms_mm": "fit", "held_out_rms_mm": "held out", "deployed_rms_mm": "as deployed"}
+"""Errors of a step in a model file, and their titles."""
 HASH_SHOWN = 8
 """Digits of a data set's SHA-256 that are shown: enough to tell data sets of one person apart."""
 CANDIDATES = 12
@@ -62,25 +62,13 @@ def done(entry: HistoryTable) -> str:
 
 def history_table(file: ModelFile) -> ResultTable:
     """Every step of a model's history with its error in the fit and held out, and the data that these are of."""
-    known = [
-        value
-        for entry in file.history
-        for value in (entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm)
-        if value
-    ]
-    spec = f".{decimals(*known)}f"
+    errors = [[getattr(entry, error) for error in ERRORS] for entry in file.history]
+    spec = f".{decimals(*(value for row in errors for value in row if value))}f"
     rows = [
-        (number, done(entry), entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm, data_of(entry))
-        for number, entry in enumerate(file.history)
+        (number, done(entry), *row, data_of(entry))
+        for number, (entry, row) in enumerate(zip(file.history, errors, strict=True))
     ]
-    columns = (
-        "|",
-        "step",
-        f"fit RMS mm|{spec}",
-        f"held out RMS mm|{spec}",
-        f"as deployed RMS mm|{spec}",
-        "data (SHA-256)|",
-    )
+    columns = ("|", "step", *(f"{title} RMS mm|{spec}" for title in ERRORS.values()), "data (SHA-256)|")
     return ResultTable(columns, rows, "Steps")
 
 
@@ -90,9 +78,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
         {
             "step": str(entry.name),
             "indistinguishable_from": entry.indistinguishable,
-            "fit_rms_mm": entry.fit_rms_mm,
-            "held_out_rms_mm": entry.held_out_rms_mm,
-            "deployed_rms_mm": entry.deployed_rms_mm,
+            **entry.model_dump(include={*ERRORS}),
             "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
         }
         for entry in file.history
@@ -170,11 +156,6 @@ class ModelReport:
         return known if isinstance(known, float) else None
 
     @property
-    def unexplained_mean_square_mm2(self) -> float | None:
-        """Held-out mean square that stays unexplained, where there is a diagnosis."""
-        return None if self.diagnosis is None else float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))
-
-    @property
     def falls(self) -> tuple[ErrorFall, ...]:
         """Fall of the error of every card's step."""
         return tuple(error_fall(self.file, self.field, card.number, self.poses.sha256) for card in self.cards)
@@ -182,8 +163,8 @@ class ModelReport:
     @property
     def attributions(self) -> tuple[StepAttribution | None, ...]:
         """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
-        left, floor, falls = self.unexplained_mean_square_mm2, self.floor_mm or 0.0, self.falls
-        if left is None or not all(fall.held_out for fall in falls):
+        floor, falls = self.floor_mm or 0.0, self.falls
+        if self.diagnosis is None or not all(fall.held_out for fall in falls):
             return tuple(
                 StepAttribution(Support.DESCRIPTION, 0.0) if card.evidence.describes else None for card in self.cards
             )
@@ -191,7 +172,7 @@ class ModelReport:
         known = [card.evidence for card in self.cards]
         known = [replace(one, describes=one.describes or so) for one, so in zip(known, little, strict=True)]
         steps = [(fall.explained, one) for fall, one in zip(falls, known, strict=True)]
-        return attribute_steps(steps, left)
+        return attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"])))
 
     @property
     def story(self) -> Story | None:
@@ -199,15 +180,14 @@ class ModelReport:
         if not self.file.history:
             return None
         held = [one.held_out_rms_mm if of_data(one, self.poses.sha256) else None for one in self.file.history]
-        known = None not in held
-        left = [one for one in held if one is not None] if known else [one.error.rms * 1e3 for one in self.field.steps]
+        here = [one.error.rms * 1e3 for one in self.field.steps]
         shown = zip(self.cards, self.attributions, strict=True)
         kinds: dict[int, Kind] = {
             card.number: term_of(one.kind, card.evidence.equivalent) for card, one in shown if one is not None
         }
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
-        return story_of(self.file.history, left, nominal, known, kinds, self.floor_mm, bound)
+        return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
 
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
@@ -245,13 +225,12 @@ def quick_report(study: Study) -> ModelReport:
     arrows = error_field(data, models_on_data(study))
     known = covariates(data, solve_equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)
-    errors = {key: sd * models[-1][1].parameter(key).si for key, sd in file.sigma.items()}
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),
         field=arrows,
         covariates=drawn,
-        parameters=estimate_table(models[-1][1], errors),
+        parameters=estimate_table(models[-1][1], file.sigma),
         cards=step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q),
     )
 

@@ -14,12 +14,15 @@ from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
 from lrm_math.arm.arm_file import MM
+from lrm_math.effects import EffectRef
+from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.model.model_file import AttributionTerm, CourseTable, HistoryTable, ModelFile
 
 Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 8
+BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 ON_THE_ARM = "expected on the arm (effects of this session alone left out)"
 ANEW = "with the effects, too, chosen without these poses"
 
@@ -30,15 +33,15 @@ class StoryStep:
 
     Attributes:
         title: in plain words. kind: what made it fall. number: of the step in the history; None of the nominal arm.
-        before_mm, left_mm: RMS error before and after it. deployed_mm: after it, as deployed; None: not known.
+        before_rms_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
     """
 
     title: str
     kind: Kind
     number: int | None
-    before_mm: float
-    left_mm: float
-    deployed_mm: float | None = None
+    before_rms_mm: float
+    rms_mm: float
+    deployed_rms_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -48,54 +51,53 @@ class Story:
     Attributes:
         steps: of the nominal arm, of the fit, of every effect that was added.
         held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
-        nested_mm, nested_deployed_mm: held out with the effects chosen anew in every fold.
-        noise_mm: of the measurement; bound_mm: where that is not known, what it is at most.
+        nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold.
+        of_tracker: whether an error of the tracker was added.
+        noise_rms_mm: of the measurement; noise_bound_rms_mm: where that is not known, what it is at most.
     """
 
     steps: tuple[StoryStep, ...]
     held_out: bool
-    nested_mm: float | None = None
-    nested_deployed_mm: float | None = None
-    noise_mm: float | None = None
-    bound_mm: float | None = None
+    nested_rms_mm: float | None = None
+    nested_deployed_rms_mm: float | None = None
+    noise_rms_mm: float | None = None
+    noise_bound_rms_mm: float | None = None
+    of_tracker: bool = False
 
     @property
     def sentence(self) -> str:
         """The whole course in one line."""
         added = self.steps[2:]
-        left = [f"{one.title} {in_mm(one.left_mm * MM)}" for one in self.steps[:2]]
+        left = [f"{one.title} {in_mm(one.rms_mm * MM)}" for one in self.steps[:2]]
         if added:
-            left.append(f"{_counted(added)} {in_mm(added[-1].left_mm * MM)}")
+            left.append(f"{_counted(added)} {in_mm(added[-1].rms_mm * MM)}")
         return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """What else is known of the last error, labelled."""
-        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in self._known if value)
-
-    @property
-    def _known(self) -> tuple[tuple[str, float | None, str], ...]:
         last = self.steps[-1] if self.steps else None
-        deployed = None if last is None or _alike(last.deployed_mm, last.left_mm) else last.deployed_mm
-        nested, on_arm = self.nested_mm, self.nested_deployed_mm
+        deployed = None if last is None or _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
+        nested, on_arm = self.nested_rms_mm, self.nested_deployed_rms_mm
         more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
-        return (
-            ("as deployed", deployed, f" {ON_THE_ARM}"),
+        known = (
+            ("as deployed", deployed, f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}"),
             ("nested", nested, f", {ANEW}{more}"),
-            ("measurement noise", self.noise_mm, ""),
-            ("measurement noise", self.bound_mm if self.noise_mm is None else None, " at most"),
+            ("measurement noise", self.noise_rms_mm, ""),
+            ("measurement noise", self.noise_bound_rms_mm if self.noise_rms_mm is None else None, " at most"),
         )
+        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in known if value)
 
     def table(self) -> ResultTable:
         """The steps, the error of the fit with the longest bar: beside that of the nominal arm the others are dots."""
-        most = max((one.left_mm for one in self.steps[1:] or self.steps), default=1.0)
+        most = max((one.rms_mm for one in self.steps[1:] or self.steps), default=1.0)
         rows = [
             (
                 one.title,
                 "" if one.kind in ("nominal", "fit", "effect") else one.kind,
-                in_mm(one.left_mm * MM),
-                None if one.deployed_mm is None else in_mm(one.deployed_mm * MM),
-                BAR * round(BAR_WIDTH * one.left_mm / most) if number else "",
+                in_mm(one.rms_mm * MM),
+                None if one.deployed_rms_mm is None else in_mm(one.deployed_rms_mm * MM),
+                BAR * round(BAR_WIDTH * one.rms_mm / most) if number else "",
             )
             for number, one in enumerate(self.steps)
         ]
@@ -104,18 +106,7 @@ class Story:
 
     def as_json(self) -> dict[str, object]:
         """The table `story`."""
-        return {
-            "sentence": self.sentence,
-            "held_out": self.held_out,
-            "steps": [
-                {"title": one.title, "kind": one.kind, "rms_mm": one.left_mm, "deployed_rms_mm": one.deployed_mm}
-                for one in self.steps
-            ],
-            "nested_rms_mm": self.nested_mm,
-            "nested_deployed_rms_mm": self.nested_deployed_mm,
-            "noise_rms_mm": self.noise_mm,
-            "noise_bound_rms_mm": self.bound_mm,
-        }
+        return {"sentence": self.sentence, **vars(self)}
 
 
 def story_of_file(file: ModelFile) -> Story | None:
@@ -123,17 +114,15 @@ def story_of_file(file: ModelFile) -> Story | None:
     if not file.history or file.history[0].nominal_rms_mm is None:
         return None
     hashes = {None if one.provenance is None else one.provenance.data_sha256 for one in file.history}
-    held = [one.held_out_rms_mm for one in file.history]
-    known = len(hashes) == 1 and None not in held
-    left = [one for one in held if one is not None] if known else [one.fit_rms_mm for one in file.history]
-    return story_of(file.history, left, file.history[0].nominal_rms_mm, known)
+    held = [one.held_out_rms_mm if len(hashes) == 1 else None for one in file.history]
+    return story_of(file.history, held, [one.fit_rms_mm for one in file.history], file.history[0].nominal_rms_mm)
 
 
 def story_of(
     history: Sequence[HistoryTable],
-    left_mm: Sequence[float],
+    held_out_mm: Sequence[float | None],
+    here_mm: Sequence[float],
     nominal_mm: float,
-    held_out: bool,
     shows: Mapping[int, Kind] | None = None,
     noise_mm: float | None = None,
     bound_mm: float | None = None,
@@ -141,19 +130,24 @@ def story_of(
     """A story.
 
     Args:
-        left_mm: RMS error after each step; `held_out`: whether of poses that no fit has seen.
+        held_out_mm: RMS error after each step at poses that no fit has seen. here_mm: on these data; told where one of
+            those is not known.
         shows: what steps are by their number, where a diagnosis says it; else as the file says.
     """
     course = history[-1].course or CourseTable()
-    known = dict(shows or {})
+    known, held = dict(shows or {}), [one for one in held_out_mm if one is not None]
+    held_out = len(held) == len(history)
     steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
-    for number, (entry, left) in enumerate(zip(history, left_mm, strict=True)):
+    for number, (entry, left) in enumerate(zip(history, held if held_out else here_mm, strict=True)):
         kind: Kind = known.get(number) or course.shows.get(entry.name.added) or "effect"
         title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
-        steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].left_mm, left, deployed))
+        steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].rms_mm, left, deployed))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
-    return Story(tuple(steps), held_out, course.nested_rms_mm, course.nested_deployed_rms_mm, noise, bound_mm)
+    nested = course.nested_rms_mm, course.nested_deployed_rms_mm
+    names = [entry.name.added for entry in history if entry.name.added]
+    of_tracker = any(EffectRef.parse(name).place == FRAME_PLACE for name in names)
+    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker)
 
 
 def _alike(one: float | None, other: float | None) -> bool:

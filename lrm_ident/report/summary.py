@@ -9,7 +9,7 @@ from lrm_ident.report.document import Block, Document, Facts, heading
 from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.model_report import history_table, history_values, provenance_table
 from lrm_ident.report.plain_names import effects_in_words, plain_name
-from lrm_ident.report.story import story_of_file
+from lrm_ident.report.story import Story, story_of_file
 from lrm_math.arm.arm_file import MM
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
@@ -22,12 +22,15 @@ PARTS = (
 
 def summary_document(file: ModelFile, model: Model) -> Document:
     """Result of `lrm-ident show`, schema `lrm/summary/1`."""
-    blocks: list[Block] = [heading(_headline(file)), Facts(tuple(_facts(file))), "", *_effects(file)]
-    errors = {key: sd * model.parameter(key).si for key, sd in file.sigma.items()}
-    details: list[Block] = [PARTS, history_table(file), estimate_table(model, errors), provenance_table(file)]
+    story, steps = story_of_file(file), len(file.history) - 1
+    added = f", {steps} effect{'s' if steps != 1 else ''} added" if steps > 0 else ""
+    headline = heading(f"Model of {file.arm}: {len(file.parameters)} parameters{added}")
+    blocks: list[Block] = [headline, Facts(tuple(_facts(file, story))), "", *([] if story is None else [story.table()])]
+    blocks.append(Facts(tuple((part, effects_in_words(names)) for part, names in file.parts.items() if names)))
+    details: list[Block] = [PARTS, history_table(file), estimate_table(model, file.sigma), provenance_table(file)]
     values = {
         "arm": file.arm,
-        "story": story_of_file(file),
+        "story": story,
         "effects": file.effects,
         "parts": file.parts,
         "history": history_values(file),
@@ -43,19 +46,13 @@ def summary_text(file: ModelFile, model: Model) -> str:
     return summary_document(file, model).text()
 
 
-def _headline(file: ModelFile) -> str:
-    steps = len(file.history) - 1
-    added = f", {steps} effect{'s' if steps != 1 else ''} added" if steps > 0 else ""
-    return f"Model of {file.arm}: {len(file.parameters)} parameters{added}"
-
-
-def _facts(file: ModelFile) -> Iterator[tuple[str, str]]:
+def _facts(file: ModelFile, story: Story | None) -> Iterator[tuple[str, str]]:
     known = file.provenance
     if known is not None:
         yield "fitted to", f"{known.poses} poses of {known.data}, {known.date[:10]}"
     if not file.history:
         return
-    if (story := story_of_file(file)) is not None:
+    if story is not None:
         yield "error", story.sentence
         yield from story.facts
     elif (after := file.history[-1].held_out_rms_mm) is not None:
@@ -63,11 +60,3 @@ def _facts(file: ModelFile) -> Iterator[tuple[str, str]]:
     if file.deployed is not None and file.deployed.carried:
         kept = ", ".join(f"{plain_name(name)}: {which}" for name, which in file.deployed.carried.items())
         yield "carried forward", kept
-
-
-def _effects(file: ModelFile) -> Iterator[Block]:
-    """How the error fell, and the parts that the model's effects belong to."""
-    story = story_of_file(file)
-    if story is not None:
-        yield story.table()
-    yield Facts(tuple((part, effects_in_words(names)) for part, names in file.parts.items() if names))

@@ -12,6 +12,7 @@ from lrm_ident.data.wording import enumerate_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.plain_names import effects_in_words, plain_name
+from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_ident.study.transfer import Transfer
 from lrm_math.effects import ModelPart
 
@@ -69,10 +70,8 @@ def _identified(found: Transfer) -> Iterator[Block]:
             f"lrm-ident design {found.arm} --model MODEL --installation -o few-poses.csv"
         )
         return
-    model, errors = found.fit.model, zip(found.fit.model.free, found.fit.standard_error.tolist(), strict=True)
-    yield estimate_table(
-        model.with_free(start.installed), {key: se for key, se in errors if key not in found.fit.at_bound}
-    )
+    errors = {key: one.standard_error for key, one in parameter_estimates(found.fit).items()}
+    yield estimate_table(found.fit.model.with_free(start.installed), errors)
     residual, usual = found.fit.sigma * math.sqrt(AXES), start.noise * math.sqrt(AXES)
     yield f"The poses are met to {error_stats(found.fit.residual).rms * 1e3:.2f} mm RMS."
     if np.isfinite(residual) and residual > NOISIER * usual:

@@ -42,8 +42,13 @@ def paired_z(better: Array, worse: Array) -> float:
 
     Else a few poses would decide where a joint is about to fall to the other side of its play.
     """
-    most = squared_outlier_distance(better)
-    return vuong_z(np.minimum(worse, most) - np.minimum(better, most))
+    return float(paired_z_of_each(better, worse))
+
+
+def paired_z_of_each(better: Array, worse: Array) -> Array:
+    """(…), `paired_z` of each of some squared errors (…, N) against the same other ones (N,)."""
+    most = squared_outlier_distance(better)[..., None]
+    return _vuong_z_of_each(np.minimum(worse, most) - np.minimum(better, most))
 
 
 def squared_outlier_distance(squared: Array) -> Array:
@@ -53,5 +58,9 @@ def squared_outlier_distance(squared: Array) -> Array:
 
 def vuong_z(difference: Array) -> float:
     """z score of a paired difference of squared errors (N,): mean over its standard error (Vuong 1989)."""
-    spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-    return float(difference.mean() / spread) if spread > 0 else 0.0
+    return float(_vuong_z_of_each(difference))
+
+
+def _vuong_z_of_each(difference: Array) -> Array:
+    spread = difference.std(axis=-1, ddof=1) / np.sqrt(difference.shape[-1])
+    return np.where(spread > 0, difference.mean(axis=-1) / np.where(spread > 0, spread, 1.0), 0.0)

@@ -7,7 +7,9 @@ information (Gilmour, Thompson & Cullis 1995).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -88,62 +90,94 @@ def condition(kernel: Kernel, inputs: Array, output: Array) -> GaussianProcess:
 
 
 @dataclass(frozen=True, eq=False)
+class FactoredKernel:
+    """A kernel at inputs (n, D): f's covariance `smooth` (n, n), and the lower Cholesky `factor` of the outputs'."""
+
+    kernel: Kernel
+    inputs: Array
+    smooth: Array
+    factor: Array
+
+    @staticmethod
+    def of(kernel: Kernel, inputs: Array) -> FactoredKernel:
+        """A kernel factored at inputs (n, D)."""
+        smooth = kernel.covariance(inputs, inputs)
+        return FactoredKernel(kernel, inputs, smooth, _factor(kernel, smooth.copy()))
+
+    @cached_property
+    def inverse(self) -> Array:
+        """(n, n), inverse of the outputs' covariance, its lower triangle."""
+        return np.asarray(dpotri(self.factor, lower=1)[0])
+
+
+@dataclass(frozen=True, eq=False)
 class LogMarginalLikelihood:
-    """Log marginal likelihood (Eq 5.8) of a kernel, to second order in the logarithms of its hyperparameters.
+    """Log marginal likelihood log p(y | X) (Eq 5.8) of a kernel for outputs (n,), to second order in the logarithms of
+    its hyperparameters."""
 
-    Attributes:
-        gradient: (D + 2,), by the logarithms of lengths, signal and noise (Eq 5.9).
-        information: (D + 2, D + 2), the average information: the mean of observed and expected information without the
-            second derivatives of the covariance.
-    """
+    factored: FactoredKernel
+    output: Array
 
-    value: float
-    gradient: Array
-    information: Array
+    @cached_property
+    def weights(self) -> Array:
+        """(n,), w = K⁻¹ y."""
+        return np.asarray(cho_solve((self.factored.factor, True), self.output, check_finite=False))
+
+    @cached_property
+    def value(self) -> float:
+        """log p(y | X)."""
+        log_root = float(np.log(np.diag(self.factored.factor)).sum())
+        return -0.5 * float(self.output @ self.weights) - log_root - 0.5 * len(self.output) * math.log(2.0 * math.pi)
+
+    @cached_property
+    def _scaled(self) -> Array:
+        """(n, D + 1), inputs in lengths, and ones."""
+        return np.column_stack([self.factored.inputs / self.factored.kernel.lengths, np.ones(len(self.output))])
+
+    @cached_property
+    def gradient(self) -> Array:
+        """(D + 2,), by the logarithms of lengths, signal and noise (Eq 5.9)."""
+        scaled, kernel = self._scaled, self.factored.kernel
+        excess = dsyr(-1.0, self.weights, lower=1, a=self.factored.inverse)  # −2 ∂/∂K of the value: the lower triangle
+        noisy = -(kernel.noise**2) * np.trace(excess)
+        excess *= self.factored.smooth.T
+        weighted = dsymm(-1.0, excess, scaled, lower=1)
+        # ½ tr((w wᵀ − K⁻¹) ∂K/∂ln l_d) with the square multiplied out; the ones' column gives the signal's
+        lengths = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
+        return np.array([*lengths, weighted[:, -1].sum(), noisy])
+
+    @cached_property
+    def information(self) -> Array:
+        """(D + 2, D + 2), the average information ½ wᵀ ∂K K⁻¹ ∂K w (Gilmour, Thompson & Cullis 1995): the mean of
+        observed and expected information without the second derivatives of the covariance, and products of matrices."""
+        scaled, kernel, along = self._scaled, self.factored.kernel, self.weights[:, None]
+        # ∂K/∂ln l_d at (i, j) is k_ij (x_id − x_jd)²/l_d². Times w, the square multiplied out needs only k times w, x w
+        # and x² w, so that the derivatives cost three products with a vector for each input
+        moments = self.factored.smooth @ np.hstack([scaled * along, scaled[:, :-1] ** 2 * along])
+        inputs = scaled.shape[1] - 1
+        first, ones, second = np.split(moments, [inputs, inputs + 1], axis=1)
+        by_length = scaled[:, :-1] ** 2 * ones - 2.0 * scaled[:, :-1] * first + second
+        derivatives = np.hstack([by_length, 2.0 * ones, 2.0 * kernel.noise**2 * along])  # of K, times the weights
+        root = solve_triangular(self.factored.factor, derivatives, lower=True, check_finite=False)
+        return np.asarray(0.5 * root.T @ root)
 
 
 def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> LogMarginalLikelihood:
-    """log p(y | X), its gradient and its average information (Gilmour, Thompson & Cullis 1995): ½ wᵀ ∂K K⁻¹ ∂K w.
-
-    With w = K⁻¹ y it needs no product of matrices.
-    """
-    n = len(output)
-    smooth = kernel.covariance(inputs, inputs)
-    factor = _factor(kernel, smooth.copy())
-    weights = cho_solve((factor, True), output, check_finite=False)
-    value = -0.5 * float(output @ weights) - float(np.log(np.diag(factor)).sum()) - 0.5 * n * np.log(2.0 * np.pi)
-    scaled = np.column_stack([inputs / kernel.lengths, np.ones(n)])
-
-    # ∂K/∂ln l_d at (i, j) is k_ij (x_id − x_jd)²/l_d². Times w, the square multiplied out needs only k times w, x w and
-    # x² w, so that the derivatives cost three products with a vector for each input
-    along = weights[:, None]
-    moments = smooth @ np.hstack([scaled * along, scaled[:, :-1] ** 2 * along])
-    first, ones, second = np.split(moments, [inputs.shape[1], inputs.shape[1] + 1], axis=1)
-    by_length = scaled[:, :-1] ** 2 * ones - 2.0 * scaled[:, :-1] * first + second
-    derivatives = np.hstack([by_length, 2.0 * ones, 2.0 * kernel.noise**2 * along])  # of K, times the weights
-    root = solve_triangular(factor, derivatives, lower=True, check_finite=False)
-
-    inverse = dpotri(factor, lower=1, overwrite_c=1)[0]  # of all from here the lower triangle
-    excess = dsyr(-1.0, weights, lower=1, a=inverse, overwrite_a=1)  # −2 ∂/∂K of the value
-    noisy = -(kernel.noise**2) * np.trace(excess)
-    excess *= smooth.T
-    weighted = dsymm(-1.0, excess, scaled, lower=1)
-    # ½ tr((w wᵀ − K⁻¹) ∂K/∂ln l_d) with the square multiplied out likewise; the ones' column gives the signal's
-    lengths = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
-    return LogMarginalLikelihood(value, np.array([*lengths, weighted[:, -1].sum(), noisy]), 0.5 * root.T @ root)
+    """The log marginal likelihood of a kernel for outputs (n,) at inputs (n, D)."""
+    return LogMarginalLikelihood(FactoredKernel.of(kernel, inputs), output)
 
 
-def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
+def fit_kernel(start: FactoredKernel, output: Array) -> Kernel:
     """The kernel of largest marginal likelihood within bounds, by Fisher scoring with the average information.
 
     Steps are damped (Levenberg 1944); hyperparameters at a bound that the gradient leads beyond stay there.
 
     Args:
-        inputs: (n, D), each of a standard deviation near one. output: (n,), likewise, about zero.
+        start: at inputs (n, D), each of a standard deviation near one. output: (n,), likewise, about zero.
     """
+    inputs = start.inputs
     lower, upper = np.log([*[LENGTH_RANGE] * inputs.shape[1], SIGNAL_RANGE, NOISE_RANGE]).T
-    z, damping = np.clip(start.log, lower, upper), DAMPING
-    now = log_marginal_likelihood(Kernel.of_log(z), inputs, output)
+    z, damping, now = start.kernel.log, DAMPING, LogMarginalLikelihood(start, output)
     for _ in range(MAX_EVALUATIONS):
         # projected step: at a bound that the gradient leads beyond a hyperparameter is left out of the system
         free = ~(((z <= lower) & (now.gradient < 0)) | ((z >= upper) & (now.gradient > 0)))

@@ -118,18 +118,19 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
     measurement. Every search begins anew: the kernel of another block has seen the poses that this one leaves out, and
     would lower their error where nothing is hidden.
     """
-    from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
+    from lrm_ident.residual.gaussian_process import FactoredKernel, Kernel, condition, fit_kernel  # loads half of scipy
 
     before, after = held_out_residual(blocks), np.empty_like(data.tcp)
     known = pose_covariates(data, data.tcp - before)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
-    relevance, start, most = np.zeros(len(names)), Kernel.start(len(names)), 0
+    relevance, most = np.zeros(len(names)), 0
     for block in blocks:
         search = spaced_rows(len(block.train), SEARCH_ROWS)
+        start = FactoredKernel.of(Kernel.start(len(names)), x[block.train[search]])
         most = max(most, len(block.train))
         for axis in range(3):
             y, unit = block.train_residual[:, axis], float(block.train_residual[:, axis].std()) or 1.0
-            kernel = fit_kernel(x[block.train[search]], y[search] / unit, start)
+            kernel = fit_kernel(start, y[search] / unit)
             process = condition(kernel, x[block.train], y / unit)
             after[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
             relevance += (unit * kernel.signal / kernel.lengths) ** 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import secrets
 import socket
 import tempfile
@@ -11,13 +10,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import TypeAdapter
+
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.last_error import user_state
 from lrm_ident.workbench.work.tasks import OpenFiles, OpenTask
 from lrm_math.errors import LrmError
-from lrm_math.model.reading import Reading
 
-NOTE = "session.json"
+NOTE, NOTED = "session.json", TypeAdapter(OpenFiles)
 HOST, LOOK_S = "127.0.0.1", 0.02
 
 
@@ -35,10 +35,7 @@ def new_folder() -> Path:
 
 def note_session(folder: Path, files: OpenFiles) -> None:
     """Notes in its folder which files a session has open."""
-    note = {"model": str(files.model), "data": str(files.data), "reading": files.reading.said()}
-    if files.effects_file is not None:
-        note["effects_file"] = str(files.effects_file)
-    write_text(folder / NOTE, json.dumps(note, default=lambda frame: frame.model_dump()) + "\n")
+    write_text(folder / NOTE, NOTED.dump_json(files).decode() + "\n")
 
 
 def last_session(folder: Path, data: Path | None) -> OpenFiles | None:
@@ -50,24 +47,17 @@ def last_session(folder: Path, data: Path | None) -> OpenFiles | None:
             continue
         if not (found.model.is_file() and found.data.is_file()):
             continue
-        if data is None or found.data.resolve() == data.resolve() or _is_copy(found.data, data, folder.parent):
+        is_copy = data is not None and found.data.name == data.name and found.data.is_relative_to(folder.parent)
+        if data is None or found.data.resolve() == data.resolve() or is_copy:  # a copy as the data were read once
             return found
     return None
-
-
-def _is_copy(kept: Path, data: Path, root: Path) -> bool:
-    """Whether a file in the state folder is a copy of measurements, as they were read once."""
-    return kept.name == data.name and kept.is_relative_to(root)
 
 
 def _noted(note: Path) -> OpenFiles | None:
     """Files that a note names; None of one that was cut off: there is nothing to go on with."""
     try:
-        known = json.loads(note.read_text(encoding="utf-8"))
-        effects = known.get("effects_file")
-        reading = Reading.model_validate(known["reading"])
-        return OpenFiles(Path(known["model"]), Path(known["data"]), effects and Path(effects), reading)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return NOTED.validate_json(note.read_bytes())
+    except (OSError, ValueError):
         return None
 
 

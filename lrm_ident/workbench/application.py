@@ -122,7 +122,10 @@ def _add_routes(session: WorkbenchSession, tab: MotionTab | None) -> None:
         files = [file for file in (await request.form()).getlist("files") if isinstance(file, UploadFile)]
         contents = {str(file.filename): await file.read() for file in files}
         try:
-            _open_dropped(session, contents)
+            if session.busy:
+                raise LrmError("still at work; wait, or press Cancel, before you open other files")
+            dropped = keep_dropped(Path(tempfile.mkdtemp(prefix="dropped-", dir=session.folder)), contents)
+            session.open(task_for(dropped, session.step.files if session.step else None))
         except LrmError as error:
             session.fail(str(error))
             return JSONResponse({"error": str(error)}, status_code=400)
@@ -131,14 +134,6 @@ def _add_routes(session: WorkbenchSession, tab: MotionTab | None) -> None:
     for answer in (values, model, poses, report, motion):
         app.add_api_route(f"/lrm/{answer.__name__}", answer, methods=["GET"], response_model=None)
     app.add_api_route("/lrm/drop", drop, methods=["POST"], response_model=None)
-
-
-def _open_dropped(session: WorkbenchSession, contents: dict[str, bytes]) -> None:
-    """Opens files by their names and contents. Raises `LrmError`."""
-    if session.busy:
-        raise LrmError("still at work; wait, or press Cancel, before you open other files")
-    dropped = keep_dropped(Path(tempfile.mkdtemp(prefix="dropped-", dir=session.folder)), contents)
-    session.open(task_for(dropped, session.step.files if session.step else None))
 
 
 def _text(text: str | None, kind: str, name: str = "", missing: str = "no model is open yet") -> Response:

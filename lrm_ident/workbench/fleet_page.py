@@ -2,57 +2,33 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from lrm_ident.fleet.fleet_figures import fleet_figures
 from lrm_ident.fleet.fleet_report import FleetResult, fleet_document
-from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_FLEET
-from lrm_ident.report.plots.interactive.values import values_text
-from lrm_ident.workbench.html_report import standalone_page
+from lrm_ident.workbench.html_report import plain_page
 
-BODY = """<header>
-<h1>{title}</h1>
-<p class="verdict">{verdict}</p>
-<div class="lrm-controls screen-only"><label>sorted and coloured by <select id="lrm-tag"></select></label>
+CONTROLS = """<label>sorted and coloured by <select id="lrm-tag"></select></label>
 <span>a column is an arm, in all figures; click one to mark it</span>
-<button type="button" id="lrm-theme">Light or dark</button></div>
-<p class="lrm-soft" id="lrm-marked"></p>
-</header>
-<main>
-<section>
-<h2>Error of the tip, nominal and identified</h2>
-<div id="lrm-errors" class="lrm-figure medium"></div>
-</section>
-<section>
-<h2>Which effect is missing in which arm</h2>
-<p class="lrm-soft">beside each name: in how many of the arms that could show it it was found, and how many of the kind
-have it by that count (95 % interval); hollow: one of several causes that this arm's data cannot distinguish</p>
-<div id="lrm-effects" class="lrm-figure"></div>
-</section>
-<section>
-<h2>How alike the arms are</h2>
-<div class="lrm-controls screen-only"><label>parameter <select id="lrm-key"></select></label></div>
-<p class="lrm-soft">estimates with standard errors; the band is the spread from arm to arm about the mean</p>
-<div id="lrm-parameter" class="lrm-figure medium"></div>
-</section>
-<section>
-<h2>In words and numbers</h2>
-<div class="lrm-numbers">
-{blocks}
-</div>
-</section>
-</main>
 """
+FIGURES = {
+    "Error of the tip, nominal and identified": '<div id="lrm-errors" class="lrm-figure medium"></div>',
+    "Which effect is missing in which arm": """<p class="lrm-soft">beside each name: in how many of the arms that could
+show it it was found, and how many of the kind have it by that count (95 % interval); hollow: one of several causes that
+this arm's data cannot distinguish</p>
+<div id="lrm-effects" class="lrm-figure"></div>""",
+    "How alike the arms are": """<div class="lrm-controls screen-only">
+<label>parameter <select id="lrm-key"></select></label></div>
+<p class="lrm-soft">estimates with standard errors; the band is the spread from arm to arm about the mean</p>
+<div id="lrm-parameter" class="lrm-figure medium"></div>""",
+}
 
 
 def fleet_page(found: FleetResult, name: str) -> str:
     """The page's text; `name`: of the manifest."""
-    title, document = f"Fleet: {name}", fleet_document(found)
-    body = BODY.format(title=escape(title), verdict=escape(_verdict(found)), blocks=blocks_html(document.blocks))
-    figures = values_text(fleet_figures(found))
-    return standalone_page(title, body, figures, document, SCRIPTS_OF_FLEET, end="lrmFleet.show(lrmValues);")
+    title, document, figures = f"Fleet: {name}", fleet_document(found), fleet_figures(found)
+    blocks = document.blocks
+    return plain_page(title, _verdict(found), FIGURES, figures, document, blocks, SCRIPTS_OF_FLEET, CONTROLS)
 
 
 def _verdict(found: FleetResult) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
-from lrm_ident.report.document import Document, Facts, blocks_html, table_html
+from lrm_ident.report.document import Block, Document, Facts, blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport, history_table, provenance_table
 from lrm_ident.report.plots.interactive.assets import BELOW, BESIDE, LIBRARY, PROLOGUE, SCRIPTS, STYLE, TOLD
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
@@ -71,6 +72,16 @@ BODY = """<header>
 </div>
 </main>
 """
+PLAIN = """<header>
+<h1>{title}</h1>
+<p class="verdict">{verdict}</p>
+<div class="lrm-controls screen-only">{controls}<button type="button" id="lrm-theme">Light or dark</button></div>
+<p class="lrm-soft" id="lrm-marked"></p>
+</header>
+<main>
+{sections}
+</main>
+"""
 START = """
 document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
 lrmTheme.follow(lrm.theme);
@@ -102,6 +113,29 @@ def standalone_page(
         scripts="\n".join(path.read_text(encoding="utf-8") for path in scripts),
         start=f"<script>{start}</script>\n<script>{library}</script>\n<script>{end}</script>",
     )
+
+
+def plain_page(
+    title: str,
+    verdict: str,
+    figures: Mapping[str, str],
+    values: Mapping[str, Any],
+    document: Document,
+    blocks: Sequence[Block],
+    scripts: Sequence[Path],
+    controls: str = "",
+) -> str:
+    """A page of figures below each other; the last of the `scripts`, `lrm*.show`, draws them.
+
+    Args:
+        figures: HTML of each, by its heading. blocks: the result in words and numbers. controls: HTML beside the title.
+    """
+    numbers = f'<div class="lrm-numbers">\n{blocks_html(blocks)}\n</div>'
+    parts = {**figures, "In words and numbers": numbers}
+    sections = "\n".join(f"<section>\n<h2>{heading}</h2>\n{html}\n</section>" for heading, html in parts.items())
+    body = PLAIN.format(title=escape(title), verdict=escape(verdict), controls=controls, sections=sections)
+    show = f"lrm{scripts[-1].stem.capitalize()}.show(lrmValues);"
+    return standalone_page(title, body, values_text(values), document, scripts, end=show)
 
 
 def html_report(found: ModelReport) -> str:

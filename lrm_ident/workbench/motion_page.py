@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -15,52 +14,29 @@ from lrm_ident.measuring.motion.motion_picture import AXES, READ
 from lrm_ident.measuring.motion.motion_report import auto_document, comparison_document, in_unit, parameter_table
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.report.diagnosis.conclusion import Conclusion
-from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_MOTION
-from lrm_ident.report.plots.interactive.values import values_text
-from lrm_ident.workbench.html_report import standalone_page
+from lrm_ident.report.plots.interactive.candidate_view import rounded
+from lrm_ident.workbench.html_report import plain_page
 
 MOST_MOVES, DIGITS = 8, 3
 """Moves that the page shows, those with the largest error before; decimals of their angles."""
-BODY = """<header>
-<h1>{title}</h1>
-<p class="verdict">{verdict}</p>
-<div class="lrm-controls screen-only"><button type="button" id="lrm-theme">Light or dark</button></div>
-</header>
-<main>
-<section>
-<h2>Error of held-out moves, step by step</h2>
-<div id="lrm-steps" class="lrm-figure" style="height: {steps_px}px"></div>
-</section>
-<section>
-<h2>Before and after</h2>
-<div class="lrm-controls screen-only"><label>what <select id="lrm-what"></select></label>
+BEFORE_AND_AFTER = """<div class="lrm-controls screen-only"><label>what <select id="lrm-what"></select></label>
 <label>move <select id="lrm-move"></select></label></div>
 <p class="lrm-soft" id="lrm-errors"></p>
 <div id="lrm-path" class="lrm-figure medium"></div>
-<div id="lrm-left" class="lrm-figure" style="height: 260px"></div>
-</section>
-<section>
-<h2>In words and numbers</h2>
-<div class="lrm-numbers">
-{blocks}
-</div>
-</section>
-</main>
-"""
+<div id="lrm-left" class="lrm-figure" style="height: 260px"></div>"""
 
 
 def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
     """The page's text; `before`: the servos' response alone on the same moves; `model`: its file, for commands."""
-    document = auto_document(after, after.judged(), model)
-    blocks = blocks_html([*document.whole, *comparison_document(after).whole, parameter_table(after)])
+    document, values = auto_document(after, after.judged(), model), motion_figures(before, after)
+    blocks = [*document.whole, *comparison_document(after).whole, parameter_table(after)]
     concluded, title = document.values["conclusion"], f"Motion: {after.moves.name}, {after.moves.arm.name}"
     assert isinstance(concluded, Conclusion)
-    steps_px = 90 + 30 * len(after.history)
-    body = BODY.format(title=escape(title), verdict=escape(concluded.headline), blocks=blocks, steps_px=steps_px)
-    values = values_text(motion_figures(before, after))
-    return standalone_page(title, body, values, document, SCRIPTS_OF_MOTION, end="lrmMotion.show(lrmValues);")
+    steps = f'<div id="lrm-steps" class="lrm-figure" style="height: {90 + 30 * len(after.history)}px"></div>'
+    figures = {"Error of held-out moves, step by step": steps, "Before and after": BEFORE_AND_AFTER}
+    return plain_page(title, concluded.headline, figures, values, document, blocks, SCRIPTS_OF_MOTION)
 
 
 def motion_figures(before: MotionStudy, after: MotionStudy) -> dict[str, Any]:
@@ -103,11 +79,11 @@ def _what(
                 "name": f"{move + 1}",
                 "dt": round(moves.dt, 6),
                 "start": round(float(np.argmax(count)) * moves.dt, 4),
-                "told": _rounded(told * scale),
-                "read": _rounded(read * scale),
-                "before": _rounded((own - left[0]) * scale),
-                "after": _rounded((read - left[1]) * scale),
-                "left": [_rounded(one * scale) for one in left],
+                "told": rounded(told * scale, DIGITS),
+                "read": rounded(read * scale, DIGITS),
+                "before": rounded((own - left[0]) * scale, DIGITS),
+                "after": rounded((read - left[1]) * scale, DIGITS),
+                "left": [rounded(one * scale, DIGITS) for one in left],
             }
         )
     errors = [
@@ -127,7 +103,3 @@ def _step(name: str) -> str:
     """A step of the history in plain words: `fit`, `add EFFECT@JOINT` or `drop EFFECT@JOINT`."""
     what, _, effect = name.partition(" ")
     return {"add": plain_name(effect), "drop": f"without {plain_name(effect)}"}[what] if effect else "servo response"
-
-
-def _rounded(values: Any) -> list[float | None]:
-    return [round(v, DIGITS) if np.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]

@@ -114,6 +114,10 @@ class WorkbenchSession(state.SessionState):
         files, self.offered = self.offered, None
         self.open(tasks.OpenTask(files.data, files.model, None, files.effects_file, files.reading))
 
+    def decline(self) -> None:
+        """Leaves the session before."""
+        self.offered = None
+
     def follow(self, source: Path) -> None:
         """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
         self._ready()

@@ -187,6 +187,16 @@ class SessionState:
         return self.worker.task is not None and not isinstance(self.worker.task, tasks.DiagnoseTask)
 
     @property
+    def ready(self) -> bool:
+        """Whether a person may take a step now."""
+        return self.step is not None and not self.busy
+
+    @property
+    def can_choose_poses(self) -> bool:
+        """Whether a diagnosis says what poses are for."""
+        return self.ready and self.step is not None and self.step.shown.diagnosed
+
+    @property
     def can_diagnose(self) -> bool:
         """Whether the last step has no diagnosis, and none is under way."""
         return self.shown is not None and not self.shown.diagnosed and self.worker.task is None

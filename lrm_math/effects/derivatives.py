@@ -40,21 +40,29 @@ def _held_within(effect: Effect, poses: Poses, tau: Amounts, within: MeasuredRan
 
 
 def by_parameters(
-    effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None = None
+    effect: Effect,
+    poses: Poses,
+    tau: Amounts,
+    p: Sequence[float],
+    within: MeasuredRange | None = None,
+    chosen: Sequence[int] | None = None,
 ) -> Rows:
-    """∂amount/∂p: for each parameter one number or (N,) for each target; arguments as of `amounts_within`."""
+    """∂amount/∂p: for each parameter, or each of those `chosen` by number, one number or (N,) for each target; other
+    arguments as of `amounts_within`."""
     poses, tau = _held_within(effect, poses, tau, within)
+    chosen = range(len(p)) if chosen is None else chosen
     if effect.extrapolation is Extrapolation.FADING:
         effect = effect.over(within)
     if isinstance(effect, LinearEffect):
-        return effect.basis(poses, tau)
+        basis = effect.basis(poses, tau)
+        return tuple([basis[row] for row in chosen])
     if "counts" in effect.depends_on:  # a staircase
-        return ((0.0,) * len(effect.targets),) * len(p)
-    steps = [STEP * parameter.typical for parameter in effect.parameters]
+        return ((0.0,) * len(effect.targets),) * len(chosen)
+    seeded = dict(zip(chosen, _seeds([p[row] for row in chosen]), strict=True))
     return _rows(
-        lambda: effect.amounts(poses, tau, _seeds(p)),  # type: ignore[arg-type]
-        lambda j, h: effect.amounts(poses, tau, _changed(p, j, h)),  # type: ignore[arg-type]
-        steps,
+        lambda: effect.amounts(poses, tau, [seeded.get(row, value) for row, value in enumerate(p)]),  # type: ignore[misc]
+        lambda j, h: effect.amounts(poses, tau, _changed(p, chosen[j], h)),  # type: ignore[arg-type]
+        [STEP * effect.parameters[row].typical for row in chosen],
     )
 
 

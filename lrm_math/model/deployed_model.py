@@ -44,13 +44,14 @@ def as_deployed(model: Model) -> Model:
 def as_deployed_at(model: Model, poses: Poses) -> Model:
     """The model that a rover uses at poses: `as_deployed`, with the laws that follow the time since power-on
     (`StateAfterSession.warming`), and those that follow what the arm did before (`memory`), where that is known."""
-    names = _followed(model, poses)
+    names = followed_effects(model, poses)
     return as_deployed_with(model, names) if names else as_deployed(model)
 
 
 def as_deployed_with(model: Model, names: Collection[str]) -> Model:
     """`as_deployed`, but some effects, by name, are themselves there instead of the state that stands for them."""
-    assert model.state is not None
+    if model.state is None or not names:
+        return as_deployed(model)
     kept = _part(model, [effect for effect in model.effects if effect.name in names or not of_a_session(effect)])
     return with_offsets(with_offsets(replace(kept, state=None), model.state.offsets), _taken_out(model.state, names))
 
@@ -66,7 +67,7 @@ def followed_parts(model: Model, now: Poses) -> dict[str, float]:
     Of what follows the time since power-on, and of what follows what the arm did before (its history has the loads that
     it bore, see `with_borne_loads`). Empty where nothing of the model does, or that is not known.
     """
-    names = _followed(model, now)
+    names = followed_effects(model, now)
     if model.state is None or not names:
         return {}
     found = Counter(_taken_out(model.state, names))
@@ -81,7 +82,7 @@ def memorised(model: Model) -> Mapping[str, SessionMemory]:
     return {} if model.state is None else model.state.memory
 
 
-def _followed(model: Model, poses: Poses) -> list[str]:
+def followed_effects(model: Model, poses: Poses) -> list[str]:
     """Names of effects that are followed at poses: what they follow is known, and what it warmed by if that counts."""
     if model.state is None:
         return []

@@ -166,10 +166,10 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
     position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
     out = np.zeros((len(position), response.slots.shape[1], len(settled.poses)))
     for bound, span in zip(model.binding.bound, model.spans, strict=True):
-        columns = [position.get(key) for key in model.keys[span]]
-        if any(column is not None for column in columns):
-            rows = zip(columns, bound.by_parameters(settled.poses, settled.tau), strict=True)
-            _add_responses([(out[column], row) for column, row in rows if column is not None], bound, response)
+        columns = {row: position[key] for row, key in enumerate(model.keys[span]) if key in position}
+        if columns:
+            rows = bound.by_parameters(settled.poses, settled.tau, [*columns])
+            _add_responses(zip(map(out.__getitem__, columns.values()), rows, strict=True), bound, response)
     return out.transpose(2, 1, 0)
 
 
@@ -183,9 +183,9 @@ def effect_columns(
     """
     settled, model = response.equilibrium, response.equilibrium.model
     bound = bind_effect(model.chain, effect, p, model.load_slots, model.within)
-    amounts = bound.by_parameters(settled.poses, settled.tau)
-    shape = (response.slots.shape[1], len(settled.poses))
-    out = {row: np.zeros(shape) for row in rows if not all(is_zero(amount) for amount in amounts[row])}
+    chosen, shape = tuple(rows), (response.slots.shape[1], len(settled.poses))
+    amounts = dict(zip(chosen, bound.by_parameters(settled.poses, settled.tau, chosen), strict=True))
+    out = {row: np.zeros(shape) for row in chosen if not all(is_zero(amount) for amount in amounts[row])}
     _add_responses([(moved, amounts[row]) for row, moved in out.items()], bound, response)
     yield from ((row, moved) for row, moved in out.items() if moved.any())
 

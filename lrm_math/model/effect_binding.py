@@ -81,11 +81,12 @@ class BoundEffect:
             return linear_combination(self.p, self._basis(poses, ()), len(self.effect.targets))
         return amounts_within(self.effect, poses, own_loads, self.p, self.within)
 
-    def by_parameters(self, poses: Poses, tau: Sequence[Number]) -> Rows:
-        """∂amount/∂p: for each parameter one number or (N,) for each target."""
+    def by_parameters(self, poses: Poses, tau: Sequence[Number], chosen: Sequence[int]) -> Rows:
+        """∂amount/∂p: for each of the parameters `chosen` by number one number or (N,) for each target."""
         if isinstance(self.effect, LinearEffect):
-            return self._basis(poses, tau)
-        return by_parameters(self.effect, poses, self.own_loads(tau), self.p, self.within)
+            basis = self._basis(poses, tau)
+            return tuple([basis[row] for row in chosen])
+        return by_parameters(self.effect, poses, self.own_loads(tau), self.p, self.within, chosen)
 
     def by_loads(self, poses: Poses, own_loads: Amounts) -> Rows:
         """∂`at`/∂loads: for each load that it depends on one number or (N,) for each target."""

@@ -52,6 +52,22 @@ def state_after_session(
 ) -> StateAfterSession | None:
     """State that a fitted model's session effects leave behind; None for a model without such effects.
 
+    It is that of the arm (`state_of_arm`), and the base takes the rigid motion of what a tracker's error moves.
+    """
+    state = state_of_arm(settled, carried, warming)
+    if state is None or not any(of_a_session(bound.effect) for bound in settled.model.binding.distorting):
+        return state
+    deployed = as_deployed(settled.model.with_state(state))
+    base = _rigid_motion(settled, with_offsets(deployed, dict.fromkeys(Offsets(deployed.arm, BASE).keys, 0.0)))
+    added = {key: state.offsets.get(key, 0.0) + shift for key, shift in base.items()}
+    return replace(state, offsets={**state.offsets, **added})
+
+
+def state_of_arm(
+    settled: Equilibrium, carried: Mapping[str, CarriedState] | None = None, warming: Collection[str] | None = None
+) -> StateAfterSession | None:
+    """State that session effects leave behind in the arm and its base; None for a model without effects of a session.
+
     Args:
         settled: its equilibrium at the measured poses, in their order.
         carried: by effect's name; of others those of the model's present state, then `usually_carried`.
@@ -73,13 +89,7 @@ def state_after_session(
     memory = {
         name: SessionMemory(left[name], *found) for name, one in bound.items() if (found := _remembered(settled, one))
     }
-    state = StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts, memory)
-    if not any(of_a_session(bound.effect) for bound in model.binding.distorting):
-        return state
-    moved = as_deployed(model.with_state(state))
-    base = _rigid_motion(settled, with_offsets(moved, dict.fromkeys(Offsets(model.arm, BASE).keys, 0.0)))
-    added = {key: state.offsets.get(key, 0.0) + shift for key, shift in base.items()}
-    return replace(state, offsets={**state.offsets, **added})
+    return StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts, memory)
 
 
 def _remembered(settled: Equilibrium, bound: BoundEffect) -> tuple[tuple[float, ...], tuple[float, ...]] | None:

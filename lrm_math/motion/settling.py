@@ -88,17 +88,17 @@ def _slowest_fading(model: MotionModel, modes: Modes | None) -> float:
 def _moved(model: MotionModel, paths: Array, start: Array, step: float) -> Array:
     """(M + 1, B, n), angles (rad) at which the servos of all joints are, commanded along paths (B, M, n).
 
-    Joints with the same effects are simulated at once.
+    Joints with the same effects are simulated at once. The loads are those along the mean of the paths.
     """
     many, length, dof = paths.shape
-    loads = joint_loads(model.arm, np.concatenate([np.tile(start, (many, 1, 1)), paths], axis=1), step)
+    loads = joint_loads(model.arm, np.concatenate([start[None], paths.mean(axis=0)])[None], step)
     reference, out = reference_inertia(model.arm), np.empty((length + 1, many, dof))
     alike: dict[tuple[type[MotionEffect], ...], list[int]] = defaultdict(list)
     for joint in range(model.arm.dof):
         alike[tuple(type(effect) for effect in _led(model, joint))].append(joint)
     for joints in alike.values():
         command, gravity, reaction, inertia = (
-            np.moveaxis(x[:, -length:, joints], 0, 1).reshape(length, -1)
+            np.moveaxis(np.broadcast_to(x[:, -length:, joints], (many, length, len(joints))), 0, 1).reshape(length, -1)
             for x in (paths, loads.gravity, loads.reaction, loads.inertia)
         )
         effects = [_led(model, joint) for joint in joints]

@@ -16,7 +16,7 @@ from lrm_math.motion.modes import links_inertia, springs_of
 from lrm_math.motion.motion_model import MotionModel
 
 POSTURE_S = 0.05
-"""s between postures of which the inertia is taken."""
+"""s between postures of which the inertia is taken, in the mean of the ways."""
 
 
 def swing_along(
@@ -32,9 +32,9 @@ def swing_along(
     if springs is None:
         return out
     soft, every = springs.joints, max(round(POSTURE_S / step), 1)
-    postures = np.concatenate([servos[:length:every], servos[-1:]])
+    postures = np.concatenate([servos[:length:every], servos[-1:]]).mean(axis=1, keepdims=True)
     M = links_inertia(model.arm, postures.reshape(-1, servos.shape[2]), payload)
-    led = M[:, :, soft].reshape(*postures.shape, len(soft))  # (places, B, n, k)
+    led = M[:, :, soft].reshape(*postures.shape, len(soft))  # (places, 1, n, k)
     inverse = np.linalg.inv(led[:, :, soft])
     factor = np.array(frequency_factors)[:, None, None]
     stiff, braked = step * factor**2 * springs.stiffness, step * factor * springs.damping

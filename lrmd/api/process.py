@@ -85,7 +85,7 @@ class ApiProcess:
         self._controller.motion = self._motion.predictor
         if self._controller.motion is None and config.motion.shaping != "off":
             text = f"shaping = '{config.motion.shaping}' shapes no move until a motion model is deployed"
-            self._emit("no_motion_model", "warning", text)
+            self._emit("no_motion_model", "info", text)
         if self._controller.unchecked:
             self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)

@@ -28,8 +28,6 @@ _LEVEL_COLOURS = {"error": "red", "warning": "yellow", "hot": "red", "too_hot": 
 
 COARSE_HZ = 100.0
 """Frequency of the pulses below which `timed` leaves less swing than `zv`."""
-FRAME_IN_STEP, FRAME_NEAR = 0.005, 0.05
-"""Shares by which a frame may differ from whole ticks: hardly noticed; near enough to change `pwm_hz` for it."""
 
 
 def paint(text: str, colour: str | None) -> str:
@@ -100,10 +98,9 @@ def info_text(info: InfoState) -> str:
     """Names, limits and rates of the servos, and the stored pose."""
     model = model_text(info.model or "nominal", info.model_sha256)
     lines = [
-        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
+        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:.4g} ms, {model}",
         step_text(info),
-        *([] if info.motion_model is None else [motion_model_text(info.motion_model, info.motion_sha256)]),
-        *([] if info.motion_model is None and info.shaping == "off" else [shaping_text(info)]),
+        *([motion_model_text(info.motion_model, info.motion_sha256), shaping_text(info)] if info.motion_model else []),
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):
@@ -139,29 +136,12 @@ def shaping_text(info: InfoState) -> str:
     if info.motion_model is None:
         return "moves are not shaped, and replies have no settling time, without a motion model"
     if info.shaping == "off":
-        kind, frames = ("timed", frame_advice(info)) if info.pwm_hz < COARSE_HZ else ("zv", "")
+        kind = "timed" if info.pwm_hz < COARSE_HZ else "zv"
         return (
             "moves are not shaped: lrmd.toml says [motion] shaping = 'off'; a client can ask for it, move by move\n"
-            f"against the swing at {info.pwm_hz:.0f} Hz: shaping = '{kind}'{frames}"
+            f"against the swing at {info.pwm_hz:.0f} Hz: write shaping = '{kind}' there"
         )
-    advice = frame_advice(info) if info.shaping == "timed" else ""
-    return f"moves are shaped from the next one on: {info.shaping} (lrmd.toml, [motion] shaping){advice}"
-
-
-def frame_advice(info: InfoState) -> str:
-    """A line with the frequency at which a frame of the board is a whole number of ticks; empty if it is, or far off.
-
-    Waits of `timed` moves then hit the frames. A far frequency, servos may not accept.
-    """
-    frame_ms = 1e3 / info.pwm_hz
-    ticks = max(round(frame_ms / info.tick_ms), 1)
-    off = frame_ms / (ticks * info.tick_ms) - 1.0
-    if not FRAME_IN_STEP < abs(off) < FRAME_NEAR:
-        return ""
-    return (
-        f"\na frame of the board is {frame_ms:.1f} ms, no whole number of ticks ({info.tick_ms:g} ms): "
-        f"pwm_hz = {1e3 / (ticks * info.tick_ms):.2f} halves the swing that is left, if all servos accept it"
-    )
+    return f"moves are shaped from the next one on: {info.shaping} (lrmd.toml, [motion] shaping)"
 
 
 def field_text(field: FieldPart) -> str:

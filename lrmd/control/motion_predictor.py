@@ -29,9 +29,9 @@ from lrmd.ramp.shared_memory import IMPULSES
 from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
-PHASES, FRAME_STEPS = (1 / 6, 1 / 2, 5 / 6), 4
-"""Phases of the board's frames (shares of a frame) with which settling is predicted; steps in a frame."""
-SETTLED = 2 / 3
+PHASES_IN_TICK, STEP_S = 4, 0.005
+"""Settling is predicted with phases of the board's frames so many in a tick, 12 at 50 Hz; the longest step (s)."""
+SETTLED = 0.6
 """Share of these cases in which the tip has settled by the predicted time."""
 
 
@@ -78,19 +78,17 @@ class MotionPredictor:
         and frequencies only nearly: the time by which the tip has settled in `SETTLED` of the cases of both.
         """
         path, model = self._path(final_leg.move), self._carrying(final_leg.load_at)
-        step = self._frame / FRAME_STEPS
-        ends = (len(path) - 1) * self._config.tick / SECOND
-        frames = math.ceil(ends / self._frame) + 1
-        seen = np.stack([self._seen(path, phase, frames) for phase in PHASES])
+        tick, frame = self._config.tick / SECOND, self._frame
+        steps = math.ceil(frame / STEP_S)
+        ends = (len(path) - 1) * tick
+        began = np.arange(math.ceil(ends / frame) + 1) * frame
+        phases = (np.arange(many := round(PHASES_IN_TICK * frame / tick) or 1) + 0.5)[:, None] / many * frame
+        seen = path[np.minimum(((began + phases) / tick).astype(int), len(path) - 1)].repeat(steps, axis=1)
         within = self._config.motion.within_mm * 1e-3
-        settled = settling_after(model, path[0], seen, step, within, final_leg.payload, FREQUENCY_FACTORS, SETTLED)
-        return (frames + 0.5) * self._frame - ends + settled.seconds if settled.seconds else 0.0
-
-    def _seen(self, path: Array, phase: float, frames: int) -> Array:
-        """A path (M + 1, n), tick by tick, as servos see it in frames that begin at a phase (share of a frame), in
-        `FRAME_STEPS` steps a frame."""
-        began = (np.arange(frames) + phase) * self._frame / (self._config.tick / SECOND)
-        return np.repeat(path[np.minimum(began.astype(int), len(path) - 1)], FRAME_STEPS, axis=0)
+        settled = settling_after(
+            model, path[0], seen, frame / steps, within, final_leg.payload, FREQUENCY_FACTORS, SETTLED
+        )
+        return (len(began) + 0.5) * frame - ends + settled.seconds if settled.seconds else 0.0
 
     @property
     def _frame(self) -> float:

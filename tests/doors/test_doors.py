@@ -20,7 +20,7 @@ from tests.support.sweep import seeds
 
 pytestmark = pytest.mark.long
 
-QUICK, SLOW = 6, 1
+QUICK, SLOW = 3, 1
 """Sequences of a door, and of one with processes behind it; more in `make soak`, most in `make doors`."""
 
 

@@ -24,6 +24,12 @@ def example_diagnosis(example_study: lrm.Study) -> lrm.DiagnosisReport:
 
 
 @pytest.fixture(scope="session")
+def better_study(example_study: lrm.Study) -> lrm.Study:
+    """The same with the effect that it hides."""
+    return example_study.add("backlash@joint2")
+
+
+@pytest.fixture(scope="session")
 def example_model(example_study: lrm.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its model file, which `lrm-ident fit` would write the same. No test writes to it."""
     path = tmp_path_factory.mktemp("example") / "model.toml"

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -24,6 +24,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from tests.ik.test_residual_field import LOWER, UPPER, commands, with_field
+from tests.support.sweep import examples
 from validation.calibrated_ik import distinct
 
 pytestmark = pytest.mark.long
@@ -75,7 +76,7 @@ def continued(model: Model, goal: Array, q: Array) -> Array | None:
     return q
 
 
-@settings(max_examples=5, deadline=None)
+@examples(2, 20)
 @given(st.integers(0, 10**6), st.floats(0.2e-3, 1.5e-3))
 def test_branches_that_continue_are_found(seed: int, size: float) -> None:
     model = with_field(("offsets", "compliance"), seed, size)

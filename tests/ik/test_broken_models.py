@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -24,6 +24,7 @@ from lrm_math.ik.nominal import NominalSolver
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.random_arms import random_arm
+from tests.support.sweep import examples
 
 TABLE_B2 = Path(__file__).parents[1] / "models" / "thesis-table-b2-option-1.toml"
 TEXT = TABLE_B2.read_text(encoding="utf-8")
@@ -57,7 +58,7 @@ def words(model: Model) -> list[str]:
     return out
 
 
-@settings(max_examples=30)
+@examples(15, 30)
 @given(end=st.integers(0, len(TEXT)))
 def test_a_file_cut_off_anywhere_is_answered_or_one_clear_line(end: int) -> None:
     said = answered(TEXT[:end])
@@ -67,7 +68,7 @@ def test_a_file_cut_off_anywhere_is_answered_or_one_clear_line(end: int) -> None
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
-@settings(max_examples=40)
+@examples(20, 40)
 @given(row=st.sampled_from(VALUES), value=st.sampled_from(ABSURD))
 def test_any_value_may_be_absurd(row: int, value: str) -> None:
     lines = TEXT.splitlines()
@@ -77,7 +78,7 @@ def test_any_value_may_be_absurd(row: int, value: str) -> None:
     assert all("\n" not in line for line in said)
 
 
-@settings(max_examples=30)
+@examples(15, 30)
 @given(at=st.integers(0, len(TEXT) - 1), byte=st.integers(0, 255))
 def test_any_byte_may_be_another(at: int, byte: int) -> None:
     with TemporaryDirectory() as folder:
@@ -132,6 +133,7 @@ def test_more_of_anything_than_the_kernel_has_room_for(pack: Callable[[Arm], Ker
         pack(random_arm(3, 6))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
 @pytest.mark.parametrize("size", [1e2, 1e8, 1e30, 1e300])
 def test_parameters_of_any_size(size: float) -> None:

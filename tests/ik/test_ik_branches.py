@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
@@ -18,6 +18,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ik.test_ik_calibrated import EXACT, MODELS, Array, goal_of, reachable, solver
 from tests.support.random_arms import arms
+from tests.support.sweep import examples
 
 PAYLOAD = 0.04
 NEAR_A_FOLD = 1.5e-3
@@ -88,7 +89,7 @@ def test_unreachable_goals_have_no_branches() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@examples(4, 8)
 @given(arm=arms.filter(lambda arm: arm.dof >= 4))
 def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
     """Arms with and without a closed form, with fewer and more joints than six."""

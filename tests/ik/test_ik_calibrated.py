@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -30,6 +30,7 @@ from lrm_math.model.equilibrium import batch_equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
+from tests.support.sweep import examples
 
 SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 EXACT = 1e-9  # m: 1e-6 mm
@@ -173,7 +174,7 @@ def test_the_first_method_of_the_thesis_stalls() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
-@settings(max_examples=12)
+@examples(6, 12)
 @given(
     position=st.tuples(*[st.floats(-0.7, 0.9)] * 3),
     turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda v: sum(x * x for x in v) > 0.01),
@@ -221,6 +222,7 @@ def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None
         assert along.predicted_turn <= 1e-7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MODELS)
 def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
     """The reply holds for the actual move: checked by the model with the direction of that move."""
@@ -254,7 +256,7 @@ def test_single_pose_equilibrium_equals_batch(name: str) -> None:
         np.testing.assert_allclose(alone.joint_torque[0], batch.joint_torque[row], atol=1e-11)
 
 
-@settings(max_examples=15)
+@examples(7, 15)
 @given(st.integers(0, 10_000), st.sampled_from([50.0, 100.0, 330.0]))
 def test_the_best_neighbouring_counts_are_no_worse_than_rounding(seed: int, frequency: float) -> None:
     solve = CalibratedSolver.of(table_b2(), clock=PwmClock(frequency))

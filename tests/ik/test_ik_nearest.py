@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -31,6 +31,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
+from tests.support.sweep import examples
 
 SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 FORMS = ("point", "along", "pose")
@@ -109,7 +110,7 @@ def test_nearest_has_distance_and_rotation_angle(
 
 
 @pytest.mark.long
-@settings(max_examples=40)
+@examples(20, 40)
 @given(arm=arms, load=st.floats(0.0, 0.2), seed=st.integers(0, 1000), size=st.floats(0.0, 1.0))
 def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)
@@ -124,7 +125,7 @@ def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: in
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=8)
+@examples(4, 8)
 @given(position=positions, turn=turns)
 def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
@@ -141,7 +142,7 @@ def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
-@settings(max_examples=10)
+@examples(5, 10)
 @given(form=st.sampled_from(FORMS), position=positions, turn=turns)
 def test_nearest_is_idempotent(name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> None:
     found = find(name, goal_of(form, position, turn))
@@ -150,7 +151,7 @@ def test_nearest_is_idempotent(name: str, form: str, position: tuple[float, ...]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
-@settings(max_examples=10)
+@examples(5, 10)
 @given(position=positions, share=st.floats(0.05, 0.95))
 def test_distance_shrinks_linearly_towards_the_nearest_point(
     name: str, position: tuple[float, ...], share: float
@@ -172,8 +173,9 @@ def test_goals_made_from_commands_are_solved(name: str) -> None:
             assert isinstance(solver(name).solve(goal, LOAD, method=Direct()), Solved)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MODELS)
-@settings(max_examples=10)
+@examples(5, 10)
 @given(way=positions.filter(lambda v: math.hypot(*v) > 0.1), beyond=st.floats(0.01, 5.0))
 def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tuple[float, ...], beyond: float) -> None:
     arm = solver(name).arm

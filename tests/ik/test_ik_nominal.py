@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import MOST_JOINTS, Arm, Joint, Placement
@@ -21,6 +21,7 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from tests.support.random_arms import random_arm
+from tests.support.sweep import examples
 
 SHIPPED = ("lrm-lab", "lrm-rover")
 seeds = st.integers(0, 10_000)
@@ -94,6 +95,7 @@ def test_every_branch_solves_the_goal_and_the_original_angles_are_found(arm: Arm
         assert all(apart(np.delete(found, i, 0), row).min() > 1e-7 for i, row in enumerate(found) if len(found) > 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SHIPPED)
 def test_many_reachable_poses_all_solved(name: str) -> None:
     arm = load_arm(name)
@@ -111,7 +113,7 @@ def test_many_reachable_poses_all_solved(name: str) -> None:
 
 @pytest.mark.slow
 @given(shipped | meeting_arms, seeds)
-@settings(max_examples=40)
+@examples(20, 40)
 def test_batch_and_single_goals_agree(arm: Arm, seed: int) -> None:
     solver = NominalSolver.of(arm)
     p, R = tool(arm, angles(replace_limits(arm, -3.0, 3.0), seed, 4))
@@ -221,7 +223,7 @@ def industrial_arm() -> Arm:
 
 
 @given(seeds)
-@settings(max_examples=20)
+@examples(10, 20)
 def test_shoulder_singularity(seed: int) -> None:
     arm = industrial_arm()
     q = angles(arm, seed, 1)[0] * 0.4
@@ -261,7 +263,7 @@ def metric(goal: Goal, p: Array, R: Array) -> Array:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pose", "point", "point_along"])
-@settings(max_examples=8)
+@examples(4, 8)
 @given(seed=seeds, arm=shipped)
 def test_nearest_is_reachable_and_nothing_is_nearer(kind: str, seed: int, arm: Arm) -> None:
     solver = NominalSolver.of(arm)
@@ -299,7 +301,7 @@ def test_out_of_reach_by_the_length_of_the_stretched_arm(lab: Arm) -> None:
 
 
 @given(shipped, seeds)
-@settings(max_examples=20)
+@examples(10, 20)
 def test_outside_limits_names_the_joint_and_the_excess(arm: Arm, seed: int) -> None:
     q = angles(arm, seed, 1)[0]
     goal, tight = goal_at(arm, q), replace_limits(arm, -0.05, 0.05)
@@ -316,7 +318,7 @@ def test_outside_limits_names_the_joint_and_the_excess(arm: Arm, seed: int) -> N
 
 @pytest.mark.slow
 @given(shipped, seeds)
-@settings(max_examples=40)
+@examples(20, 40)
 def test_positions_and_directions_of_reachable_poses_are_solved(arm: Arm, seed: int) -> None:
     q, near = angles(arm, seed, 2)
     p, R = tool(arm, q)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, reject, settings
+from hypothesis import given, reject
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -39,6 +39,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms, random_arm
+from tests.support.sweep import examples
 
 FLEXIBLE = ("offsets", "compliance", "base_compliance", "lateral_compliance")
 NONLINEAR = (
@@ -73,7 +74,7 @@ def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
 def test_kinematics_and_loads_equal_those_of_the_chain(arm: Arm, seed: int, payload: float) -> None:
     model = random_model(arm, FLEXIBLE, seed, 0.03)
@@ -190,7 +191,7 @@ def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NONLINEAR)
-@settings(max_examples=20)
+@examples(10, 20)
 @given(seed=st.integers(0, 10_000))
 def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     """True joint angles at rest under any commands, sides of arrival and loads."""
@@ -209,7 +210,7 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     np.testing.assert_allclose(slots, expected, atol=1e-12)
 
 
-@settings(max_examples=10)
+@examples(5, 10)
 @given(seed=st.integers(0, 10_000), edge=st.floats(0.01, 0.6))
 def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, edge: float) -> None:
     arm, rng = load_arm("lrm-rover"), np.random.default_rng(seed)
@@ -226,7 +227,7 @@ def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, ed
 
 
 @pytest.mark.long
-@settings(max_examples=10)
+@examples(5, 10)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.0, 0.1))
 def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: float) -> None:
     """Takes every law at once, links that bend, and sides of arrival."""

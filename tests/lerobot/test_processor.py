@@ -9,7 +9,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.so101.feetech_servo import FeetechServo
@@ -19,6 +19,7 @@ from lrm_math.kinematics.motion import Motion
 from tests.doors.lerobot_classes import calibrated_robot_class, plug_in
 from tests.doors.servos_door import MODEL, NAMES
 from tests.doors.simulated_follower import SimulatedFollower
+from tests.support.sweep import examples
 
 MEASURED_WITH = """
 [provenance]
@@ -51,7 +52,7 @@ def action_of(degrees: Any, prefix: str = "") -> dict[str, float]:
 
 
 @pytest.mark.long
-@settings(max_examples=25, deadline=None)
+@examples(12, 25)
 @given(wishes=WISHES)
 def test_it_sends_and_observes_what_the_calibrated_robot_does(model: str, wishes: list[list[float]]) -> None:
     config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False)
@@ -68,7 +69,7 @@ def test_it_sends_and_observes_what_the_calibrated_robot_does(model: str, wishes
 
 
 @pytest.mark.long
-@settings(max_examples=25, deadline=None)
+@examples(12, 25)
 @given(wishes=WISHES)
 def test_commands_stay_within_the_bounds_after_any_wish(model: str, wishes: list[list[float]]) -> None:
     step = plug_in("processor").CalibratedAction(model)

@@ -49,6 +49,7 @@ def run(own: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([own, *words], cwd=own.parent, env=environment, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.soak
 def test_it_compiles_the_kernel(sdist: Path, tmp_path: Path) -> None:
     own, done = installed(tmp_path / "compiled", sdist)
     assert done.returncode == 0, done.stderr

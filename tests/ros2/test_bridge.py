@@ -311,19 +311,16 @@ def test_without_the_option_no_trajectory_is_listened_to_and_hold_and_estop_are_
                 wait_for(lambda: rover.mode().mode == "holding", "it holds")
                 assert peer.call("estop", TRIGGER, empty).success
                 wait_for(lambda: rover.mode().mode == "estop", "the emergency stop")
+        no_router_is_said_in_a_line(setup)
 
 
 def test_the_hash_of_a_type_is_the_one_that_ros_publishes() -> None:
     assert {name: message_type(name, "jazzy").type_hash for name in HASHES} == HASHES
 
 
-def test_no_router_is_said_in_a_line(tmp_path: Path) -> None:
-    setup = DaemonSetup.make(tmp_path)
-    with running_daemon(setup):
-        command = [sys.executable, "-m", "lrm_ros2", "--connect", setup.endpoint]
-        ended = subprocess.run(
-            [*command, "--ros-router", f"127.0.0.1:{free_port()}"], env=HERE, capture_output=True, text=True, timeout=60
-        )
+def no_router_is_said_in_a_line(setup: DaemonSetup) -> None:
+    command = [sys.executable, "-m", "lrm_ros2", "--connect", setup.endpoint, "--ros-router"]
+    ended = subprocess.run([*command, f"127.0.0.1:{free_port()}"], env=HERE, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 2
     assert ended.stderr.startswith("lrm-ros2: no zenoh router of ROS 2 at 127.0.0.1:")
     assert ended.stderr.count("\n") == 1

@@ -97,6 +97,7 @@ def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BridgeUnderTest
 WAYS = [("topic", "empty"), ("topic", "hold"), ("action", "hold"), ("action", "cancel all")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("order", "stop"), WAYS)
 def test_no_trajectory_moves_the_arm_after_a_stop_that_followed_it(
     bridge: BridgeUnderTest, order: str, stop: str

@@ -6,12 +6,17 @@ import pytest
 from _pytest.mark import ParameterSet
 from hypothesis import settings
 
-USUAL_EXAMPLES = 20
+USUAL_EXAMPLES = 12
 
 
 def in_soak() -> bool:
     """Whether this is `make soak`; only there tests and cases marked `soak` run."""
     return settings.default is not None and settings.default.max_examples > USUAL_EXAMPLES
+
+
+def examples(few: int, many: int) -> settings:
+    """Examples of a law whose single one takes long, in `@examples(…) @given(…)`."""
+    return settings(max_examples=many if in_soak() else few, deadline=None)
 
 
 def seeds(few: int, many: int) -> range:

@@ -21,8 +21,8 @@ from lrmd.messages.kinematics import GoalEntry
 from tests.support.daemon.daemon_harness import arm_when_ready
 from tests.support.daemon.daemon_process import LONGEST_LEASE, DaemonSetup, running_daemon, wait_for
 
-COMPLIANCE, CONSTANT_S = 0.08, 4.0
-GOALS, WAIT_S, DEADLINE_MS = 8, 3.0, 10_000.0
+COMPLIANCE, CONSTANT_S = 0.08, 1.5
+GOALS, WAIT_S, DEADLINE_MS = 8, 1.2, 10_000.0
 SETTLED_S = 0.7
 """Until the servos stand: they follow their pulses with a lag."""
 LATER = [2, 3, 6, 7]
@@ -51,7 +51,7 @@ def errors_mm(folder: Path, goals: Array, loads: Array, waits: Sequence[float], 
         f'[deployed]\ncarried = {{ "creep@joint2" = "mean" }}\noffsets = {{ {offsets} }}\n'
         + (MEMORY.format(mean=mean, sd=sd, offsets=offsets) if remembers else "")
     )
-    own = {**LONGEST_LEASE, '# model = "/etc/lrm/model.toml"': f'model = "{model}"'}
+    own = {**LONGEST_LEASE, "step_us = 1.0": "step_us = 10.0", '# model = "/etc/lrm/model.toml"': f'model = "{model}"'}
     setup, out = DaemonSetup.make(folder, own), []
     creep = f"--creep=joint2={COMPLIANCE}:{CONSTANT_S}"
     with running_daemon(setup, creep, "--dead-band-us=0.1") as (board, _), setup.rover() as rover:

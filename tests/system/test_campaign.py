@@ -107,12 +107,12 @@ def test_an_arm_that_did_not_stand_during_its_rest_leaves_no_row(tmp_path: Path,
     daemon = running_daemon(bench.setup, "--start-deg", "0,-60,0,0,0,0")
     with daemon as (board, _), tracker_of(board, bench.port), bench.setup.rover() as rover:
         arm_at(rover, START)
-        command = bench.command(4.0)
+        command = bench.command(2.5)
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as campaign:
             wait_for(lambda: bench.rows() >= 1, "a row", 60.0)
             wait_for(lambda: rover.mode().mode == "moving", "the next pose")
             wait_for(lambda: rover.mode().mode == "armed", "the arm is there")
-            time.sleep(1.5)  # well into the pause of 4 s, on a busy computer too
+            time.sleep(0.8)  # well into the pause of 2.5 s, on a busy computer too
             if what == "stopped":
                 rover.estop("test")
             else:

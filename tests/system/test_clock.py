@@ -17,8 +17,8 @@ from tests.support.daemon.daemon_process import ROOT, BoardProcess, DaemonSetup,
 from tests.support.daemon.pulse_invariants import read_frames
 
 TRUE_HZ = 27e6
-SHIPPED = {"pwm_hz = 50.0": "pwm_hz = 50.0"}
-"""The shipped frequency in place of that of the tests: its counts are the longest."""
+SHIPPED = {"pwm_hz = 50.0": "pwm_hz = 50.0", "step_us = 1.0": "step_us = 10.0"}
+"""The shipped frequency in place of that of the tests: its counts are the longest. And ten times the speed."""
 COUNT_DEG, FULL_PULSE_DEG = 0.55, 175.0
 """deg that a count of 4.88 us, and a pulse as long as that of 0 deg, turn a servo: the latter is off by the clock."""
 

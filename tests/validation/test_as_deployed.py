@@ -60,6 +60,7 @@ def test_fresh_poses_lie_in_the_half_that_was_not_measured() -> None:
     assert (q[60:] >= 0.0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["first/nothing", "first/warm2"])
 def test_without_an_erring_tracker_the_truth_differs_from_what_is_measured_by_noise(name: str) -> None:
     run = recording_of(CATALOGUE[name], 0, 60)

@@ -32,6 +32,7 @@ def test_the_data_are_made_again_as_they_are(monkeypatch: pytest.MonkeyPatch, tm
         assert (tmp_path / name).read_text("utf-8") == (DATA / name).read_text("utf-8"), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", make_data.SETS)
 def test_a_data_set_is_small_and_complete(name: str) -> None:
     assert (DATA / f"{name}.csv").stat().st_size < MOST_BYTES

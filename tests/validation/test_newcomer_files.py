@@ -12,5 +12,5 @@ from validation.newcomer_files.outcome import SILENT, TRACEBACK
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_step_folds")
 def test_no_change_is_silently_wrong_or_a_traceback() -> None:
-    bad = [one for one in run(seeds(8, 35)) if one.outcome in (SILENT, TRACEBACK)]
+    bad = [one for one in run(seeds(3, 35)) if one.outcome in (SILENT, TRACEBACK)]
     assert not bad, bad

@@ -106,6 +106,7 @@ def step(q: Array) -> Array:
     return np.where(q[:, :1] > 0.0, 1e-3, -1e-3) * np.array([1.0, 0.5, 0.0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("learn", [rivals.boosting, rivals.gaussian_process])
 def test_rivals_learn_what_follows_the_angles(learn: object) -> None:
     rng = np.random.default_rng(1)

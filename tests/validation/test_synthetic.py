@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.optimize
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tests.conftest import ROOT
+from tests.support.sweep import examples
 from validation import synthetic
 from validation.synthetic import (
     ArmDescription,
@@ -238,7 +239,7 @@ def test_near_end_bodies_stay_when_their_link_grows(arm: ArmDescription) -> None
 
 
 @pytest.mark.slow
-@settings(max_examples=10, deadline=None)
+@examples(5, 10)
 @given(seed=st.integers(0, 10**6))
 def test_play_lifts_and_lowers(arm: ArmDescription, seed: int) -> None:
     q = random_poses(arm, 5, seed)

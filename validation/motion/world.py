@@ -125,6 +125,7 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
     q, v = told[:, 0].copy(), np.zeros((C, JOINTS))
     u, du, profile = told[:, 0].copy(), np.zeros((C, JOINTS)), np.zeros((C, JOINTS))
     y, w, integral = q.copy(), np.zeros((C, JOINTS)), np.zeros((C, JOINTS))
+    last_slip = np.zeros((C, JOINTS))
     shown, mean = q.copy(), u
     limited = p["acceleration"] < UNLIMITED
     led = limited | (p["speed"] < UNLIMITED)
@@ -160,7 +161,8 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
         integral = integral + h * error / p["integral_s"]
         torque = K / slow * np.clip(error + integral, -p["drive"], p["drive"]) + g
         torque = torque + K * p["cogging"] * np.sin(COGS * q) - K * p["drag"] * v * np.abs(v)
-        pull = np.where(sprung, mass2 * (second**2 * (q - y) + 2.0 * p["second_damping"] * second * (v - w)), 0.0)
+        slip, last_slip = 1.5 * (v - w) - 0.5 * last_slip, v - w  # speeds are half a step behind angles
+        pull = np.where(sprung, mass2 * (second**2 * (q - y) + 2.0 * p["second_damping"] * second * slip), 0.0)
         rub = K * (p["friction"] + p["load_friction"] * np.abs(g))
         grip = rub + K * p["stiction"] * np.exp(-((v / p["stiction_speed"]) ** 2))
         push = torque - pull

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel
+from lrm_ident.residual.gaussian_process import FactoredKernel, Kernel, condition, fit_kernel
 from lrm_math.arrays import Array
 
 KERNEL_ROWS = 250
@@ -22,7 +22,7 @@ def gaussian_process(q: Array, left: Array, unseen: Array) -> Array:
     for axis, values in enumerate(left.T):
         mean, size = values.mean(), max(float(values.std()), 1e-12)
         output = (values - mean) / size
-        kernel = fit_kernel(known[chosen], output[chosen], Kernel.start(q.shape[1]))
+        kernel = fit_kernel(FactoredKernel.of(Kernel.start(q.shape[1]), known[chosen]), output[chosen])
         found = condition(kernel, known, output)
         out[:, axis] = mean + size * (kernel.covariance(asked, known) @ found.weights)
     return out

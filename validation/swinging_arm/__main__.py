@@ -1,4 +1,7 @@
-"""`python -m validation.swinging_arm [moves|campaign] [--moves 50] [--pwm 50 330] [--frames] [--json FILE]`."""
+"""A campaign with `--settle auto`.
+
+`python -m validation.swinging_arm [--poses 60] [--pwm 50] [--frames] [--only WORD] [--json FILE]`
+"""
 
 from __future__ import annotations
 
@@ -17,64 +20,23 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arrays import Array
 from validation.swinging_arm.rig import SwingingRover, tip_of
 
-WITHIN_MM, FOLLOWED, RESIDUAL = 0.5, 1000, slice(30, 330)
-"""Distance of a rest; ticks for which a tip is followed, and those after a move of which its swing is taken, 2 s from
-0.2 s on."""
-KINDS = ("off", "zv", "timed")
 DWELL_S = 1.0
 
 
-def moved(pwm_hz: float, kind: str, moves: int, off: float, frames: bool) -> dict[str, list[float]]:
-    """Random moves one after the other: duration, settling predicted and true (s), largest swing and its RMS (mm)."""
-    rover = SwingingRover(pwm_hz, kind, WITHIN_MM, off, in_frames=frames)
-    rng = np.random.default_rng(3)
-    rows = []
-    for _ in range(moves):
-        seconds, predicted = rover.move(rng.uniform(-1.0, 1.0, rover.arm.dof))
-        tips = rover.tips(FOLLOWED)
-        away = 1e3 * np.linalg.norm(tips - tips[-1], axis=1)
-        far = np.flatnonzero(away > WITHIN_MM)
-        true = (far[-1] + 1) * rover.tick_s if len(far) else 0.0
-        rest = away[RESIDUAL]
-        rows.append((seconds, predicted, true, rest.max(), np.sqrt(np.mean(rest**2))))
-    names = ("duration_s", "predicted_s", "true_s", "swing_mm", "swing_rms_mm")
-    return {name: [float(v) for v in column] for name, column in zip(names, zip(*rows, strict=True), strict=True)}
-
-
-def moves_table(pwm: list[float], kinds: list[str], moves: int, off: float, frames: bool) -> list[dict[str, object]]:
-    """Prints one line for each frequency of the pulses and each shaper."""
-    out: list[dict[str, object]] = []
-    for hz in pwm:
-        plain: dict[str, list[float]] = {}
-        for kind in kinds:
-            found = moved(hz, kind, moves, off, frames)
-            plain = plain or found
-            predicted, true = np.array(found["predicted_s"]), np.array(found["true_s"])
-            near = np.mean((np.abs(predicted - true) < 0.2 * true) | (np.abs(predicted - true) < 0.1))
-            less = np.mean(plain["swing_rms_mm"]) / np.mean(found["swing_rms_mm"])
-            longer = np.mean(found["duration_s"]) / np.mean(plain["duration_s"]) - 1.0
-            print(
-                f"{hz:5.0f} Hz {kind:4} swing {np.mean(found['swing_rms_mm']):6.3f} mm RMS (median of the largest "
-                f"{np.median(found['swing_mm']):.3f}), {less:5.1f} times less, {100 * longer:4.1f} % longer; settling "
-                f"{true.mean():.2f} s, predicted within 20 % or 0.1 s: {100 * near:.0f} %, median of predicted/true "
-                f"{np.median(predicted[true > 0.1] / true[true > 0.1]) if np.any(true > 0.1) else np.nan:.2f}",
-                flush=True,
-            )
-            out.append({"pwm_hz": hz, "shaping": kind, "off": off, "frames": frames, **found})
-    return out
-
-
-def campaign_table(pwm: list[float], poses: int) -> list[dict[str, object]]:
+def campaign_table(pwm: list[float], poses: int, frames: bool, only: str) -> list[dict[str, object]]:
     """Prints time and error of a campaign with a fixed pause, by the model, and with half a second only."""
     out: list[dict[str, object]] = []
     for hz in pwm:
         for name, kind, timing in (
             ("pause 15 s", "off", PoseTiming(15.0, 0.5, DWELL_S)),
             ("settle auto", "off", PredictedSettling(0.0, 0.0, DWELL_S)),
-            ("settle auto, shaped", "zv", PredictedSettling(0.0, 0.0, DWELL_S)),
+            ("settle auto, zv", "zv", PredictedSettling(0.0, 0.0, DWELL_S)),
+            ("settle auto, timed", "timed", PredictedSettling(0.0, 0.0, DWELL_S)),
             ("settle 0.5 s", "off", PoseTiming(0.0, 0.5, DWELL_S)),
         ):
-            rover = SwingingRover(hz, kind, 0.1, dead_band=0.0)
+            if only not in name:
+                continue
+            rover = SwingingRover(hz, kind, 0.1, dead_band=0.0, in_frames=frames)
             rng = np.random.default_rng(5)
             plan = [PlannedPose(k + 1, tuple(rng.uniform(-1.0, 1.0, 6).tolist()), 0.0, (), k + 1) for k in range(poses)]
             seconds, errors = measured(rover, plan, timing)
@@ -84,7 +46,7 @@ def campaign_table(pwm: list[float], poses: int) -> list[dict[str, object]]:
                 f"{1e3 * np.linalg.norm(errors, axis=1).max():.3f}",
                 flush=True,
             )
-            out.append({"pwm_hz": hz, "timing": name, "seconds": seconds, "error_rms_mm": 1e3 * rms})
+            out.append({"pwm_hz": hz, "frames": frames, "timing": name, "seconds": seconds, "error_rms_mm": 1e3 * rms})
     return out
 
 
@@ -105,22 +67,15 @@ def measured(rover: SwingingRover, plan: list[PlannedPose], timing: PoseTiming) 
 
 
 def main() -> None:
-    """Prints the tables."""
+    """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="?", choices=["moves", "campaign", "all"], default="all")
-    parser.add_argument("--moves", type=int, default=50)
     parser.add_argument("--poses", type=int, default=60)
-    parser.add_argument("--pwm", type=float, nargs="+", default=[50.0, 330.0])
-    parser.add_argument("--off", type=float, default=0.0, help="relative error of the model's frequencies")
+    parser.add_argument("--pwm", type=float, nargs="+", default=[50.0])
     parser.add_argument("--frames", action="store_true", help="servos see new pulses at the board's frames only")
-    parser.add_argument("--kinds", nargs="+", default=KINDS, help="of shaping")
+    parser.add_argument("--only", default="", metavar="WORD", help="only rows with this word in their name")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    found: dict[str, object] = {}
-    if given.what != "campaign":
-        found["moves"] = moves_table(given.pwm, given.kinds, given.moves, given.off, given.frames)
-    if given.what != "moves":
-        found["campaign"] = campaign_table(given.pwm, given.poses)
+    found = campaign_table(given.pwm, given.poses, given.frames, given.only)
     if given.json:
         given.json.write_text(json.dumps(found, indent=1) + "\n")
 

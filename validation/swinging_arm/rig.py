@@ -19,7 +19,7 @@ from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from lrmd.config import Config
-from lrmd.control.motion_predictor import MotionPredictor
+from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
 from lrmd.sim.arm import SimulatedArm
@@ -40,8 +40,8 @@ FRAME_TICKS, NOISE_M = 2, 0.0003
 RENEW_TICKS, POSTURES = 15, 500
 
 
-def known_model(arm: Arm, off: float = 0.0) -> MotionModel:
-    """A motion model that knows the springs; `off`: relative error of its frequencies."""
+def known_model(arm: Arm) -> MotionModel:
+    """A motion model that knows the springs."""
     chain, rng = chain_of(arm), np.random.default_rng(0)
     lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
     M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)
@@ -51,9 +51,7 @@ def known_model(arm: Arm, off: float = 0.0) -> MotionModel:
     for place, spring in SPRINGS.items():
         effect = effect_of(arm, f"swing@{place}")
         omega, J = np.sqrt(spring.stiffness / M[effect.joint]), M[effect.joint]
-        own = dict(
-            zip(effect.keys, (omega / 2.0 / np.pi * (1.0 + off), spring.damping / (2.0 * omega * J)), strict=True)
-        )
+        own = dict(zip(effect.keys, (omega / 2.0 / np.pi, spring.damping / (2.0 * omega * J)), strict=True))
         kept = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
         model = model.with_joint((*model.of_joint(effect.joint), effect), {**kept, **own}, {})
     return model
@@ -87,7 +85,6 @@ class SwingingRover:
     pwm_hz: float
     shaping: str = "off"
     within_mm: float = 0.5
-    off: float = 0.0
     dead_band: float | None = None
     seed: int = 0
     in_frames: bool = False
@@ -97,12 +94,12 @@ class SwingingRover:
     config: Config = field(init=False)
 
     def __post_init__(self) -> None:
-        config = config_at(self.pwm_hz, Path(mkdtemp()))
+        config = config_at(self.pwm_hz, Path(mkdtemp()), self.shaping)
         motion = config.motion.model_copy(update={"within_mm": self.within_mm})
         self.config = replace(config, motion=motion)
         self.arm, self.rng = self.config.arm, np.random.default_rng(self.seed)
         self.daemon = SimulatedDaemon(self.config)
-        self.known = MotionPredictor(self.config, known_model(self.arm, self.off))
+        self.known = MotionPredictor(self.config, known_model(self.arm))
         self.daemon.core.motion = self.known
         channels = {s.name: s.channel for s in self.config.servos if s.name in self.arm.joint_names}
         self.links = SimulatedArm(model_of(self.arm, ()), channels, dead_band=self.dead_band, springs=SPRINGS)
@@ -141,8 +138,8 @@ class SwingingRover:
             angles.append(self.links.link_angles)
         return tip_of(self.arm, np.array(angles))
 
-    def move(self, q: Array) -> tuple[float, float]:
-        """Moves there; how long that should take, and how long the tip should then swing (s)."""
+    def move(self, q: Array) -> tuple[float, FinalLeg]:
+        """Moves there; how long that should take (s), and the last leg of the way."""
         goal = dict(zip(self.arm.joint_names, q.tolist(), strict=True))
         core = self.daemon.core
         self.daemon.settle()
@@ -153,13 +150,14 @@ class SwingingRover:
             self.pass_ticks(1)
         while self.daemon.ramp.moving:
             self.pass_ticks(1)
-        return told.seconds, self.known.settle_s(told.final_leg)
+        return told.seconds, told.final_leg
 
     # ---- parts of a campaign
 
     def go(self, pose: PlannedPose) -> ArmState:
         """See `CampaignArm`."""
-        _, self.settle_s = self.move(np.array(pose.q))
+        _, leg = self.move(np.array(pose.q))
+        self.settle_s = self.known.settle_s(leg)
         self.pass_ticks(4)
         return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
 

@@ -22,7 +22,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.derivatives import parameter_jacobian, respond
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import model_of
 
@@ -70,14 +70,17 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False, any
         any_target: whether the target may sit anywhere on the tool. A tight bound puts the rest of it into the base.
     """
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    sizes = _sizes(solve_equilibrium(model, poses), fixed_base, any_target)
+    drawn = solve_equilibrium(model, poses)
+    sizes = _sizes(drawn, fixed_base, any_target)
     count = len(sizes.keys)
     z, overdetermined = np.zeros(count), tcp.size >= OVERDETERMINED * count
     best: CoarseFit | None = None
+    settled, preconditioner = drawn, None
     robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
     for step in range(STEPS + 1):
         try:
-            settled = solve_equilibrium(model.with_values_of(sizes.keys, z), poses)
+            moved = model.with_values_of(sizes.keys, z)
+            settled = solve_equilibrium(moved, poses, settled, preconditioner=preconditioner)
         except NoEquilibrium:
             break
         residual = tcp - settled.tcp
@@ -90,6 +93,7 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False, any
         robust = robust or converged or step == STEPS // 2
         weight = cauchy_weight(distance) if robust else np.ones_like(distance)
         root = np.sqrt(weight)[:, None] / max(now.score, SHARPEST)
+        preconditioner = respond(settled).preconditioner
         J = (parameter_jacobian(settled, sizes.keys) * root[:, :, None]).reshape(-1, count)
         H = J.T @ J + np.diag(sizes.sd**-2)
         gradient = J.T @ (residual * root).reshape(-1) - z / sizes.sd**2

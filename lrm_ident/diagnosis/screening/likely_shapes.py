@@ -8,6 +8,7 @@ tried beside everything that is fitted. p values are corrected for all.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -41,20 +42,24 @@ def with_likely_shapes(candidate: Candidate, residual: Array) -> Candidate:
     error = np.nan_to_num(residual.T).reshape(-1)
     error = error - fitted @ (fitted.T @ error)
 
-    def explained(shape: tuple[float, ...]) -> float:
-        """Square of the residual (m²) that the candidate takes with a shape, beside the plain columns."""
-        columns = np.zeros((len(candidate.rows), len(error)))
-        for column, row in zip(columns, candidate.rows, strict=True):
-            amounts = effect.amounts(settled.poses, tau, [1.0 if i == row else p for i, p in enumerate(shape)])
-            column[:] = sum(m * amount for m, amount in zip(motions, amounts, strict=True)).reshape(-1)
-        own, along = columns @ fitted, columns @ error
-        gram = columns @ columns.T
-        gram += NO_RANK * np.trace(gram) * np.eye(len(gram)) - own @ own.T
-        return float(along @ np.linalg.lstsq(gram, along, rcond=NO_RANK)[0])
-
-    gains = np.array([explained(shape) for shape in candidate.shapes])
+    columns = np.empty((len(candidate.shapes), len(candidate.rows), len(error)))
+    for column, (shape, row) in zip(
+        columns.reshape(-1, len(error)), product(candidate.shapes, candidate.rows), strict=True
+    ):
+        amounts = effect.amounts(settled.poses, tau, [1.0 if i == row else p for i, p in enumerate(shape)])
+        column[:] = sum(m * amount for m, amount in zip(motions, amounts, strict=True)).reshape(-1)
+    gains = _explained(columns, fitted, error)
     likely: list[int] = []
     for number in np.argsort(-gains).tolist():
         if len(likely) < LIKELY and all(abs(number - other) > APART for other in likely):
             likely.append(number)
     return replace(candidate, shapes=tuple(candidate.shapes[i] for i in sorted(likely)), scanned=len(gains))
+
+
+def _explained(columns: Array, fitted: Array, error: Array) -> Array:
+    """(S,), square of the error (3 N,) that each of S sets of columns (S, k, 3 N) takes beside those `fitted` (m²)."""
+    beside, along = columns @ fitted, columns @ error
+    gram = columns @ columns.transpose(0, 2, 1)
+    gram += NO_RANK * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(gram.shape[1])
+    gram -= beside @ beside.transpose(0, 2, 1)
+    return np.asarray(np.einsum("sk,skl,sl->s", along, np.linalg.pinv(gram, rcond=NO_RANK), along))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,7 +18,6 @@ MOST_CAUSES = 4
 """That poses are sought for, the best first."""
 BY_ORDER = frozenset({"time", "session"})
 """What only the order of measuring can tell, and no choice of poses; but a memory shows where poses are held."""
-_KNOWN: WeakKeyDictionary[DiagnosisReport, Advice | None] = WeakKeyDictionary()
 
 
 def causes_of(report: DiagnosisReport) -> Sequence[str]:
@@ -32,14 +31,9 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
 
 
+@lru_cache(maxsize=1)
 def advice_of(report: DiagnosisReport) -> Advice | None:
     """The advice of a diagnosis, computed once; None where it leaves nothing to distinguish."""
-    if report not in _KNOWN:
-        _KNOWN[report] = _advice(report)
-    return _KNOWN[report]
-
-
-def _advice(report: DiagnosisReport) -> Advice | None:
     names = causes_of(report)
     if len(names) < 2:
         return None

@@ -6,8 +6,8 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import plain_name, repair_advice
-from lrm_ident.report.story import ON_THE_ARM
+from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_sentence
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -31,7 +31,7 @@ from lrm_math.effects.targets import FRAME_PLACE
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = (
-    "estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
+    "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
     "hidden at most",
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
@@ -39,7 +39,6 @@ FOLDED = ("black-box model", "left out")
 """Facts that a terminal shows with `--all` only."""
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
-BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
@@ -127,12 +126,14 @@ class Conclusion:
 def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
+    advice = advice_of(report)
+    hopeless = () if advice is None or advice.helps else (advice.sentence.partition(":")[0],)
     tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
     quiet = report.verdict.quiet
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=(*_hopeless(report), *report.limitations)[:REASONS] if tells_why and not quiet else (),
+        reasons=(*hopeless, *report.limitations)[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -149,7 +150,7 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
         return _quiet_headline(report) if report.verdict.quiet else HEADLINES[report.verdict]
     if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
-    what = _titled(first.name)
+    what = f"{plain_name(first.name)} ({first.name})"
     if attribution == Support.POSSIBLE_CAUSE:
         return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
@@ -184,6 +185,9 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
+    if report.beside:
+        both = "only with both does the model surely predict later poses better"
+        yield "add as well", f"{plain_name(report.beside)} ({report.beside}): {both}"
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
     yield "tracker's scale", scale_sentence(fit)
     if first is not None and attribution is not None:
@@ -223,15 +227,6 @@ def valid_where(report: DiagnosisReport) -> str:
     return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
 
 
-def _titled(name: str) -> str:
-    """An effect in plain words, with its code name."""
-    return f"{plain_name(name)} ({name})"
-
-
-def _fall(before: float, after: float) -> str:
-    return f"{arrow(before, after)} mm RMS"
-
-
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"noise at most {in_mm(report.patterns.predictable.noise_bound)} mm"
@@ -240,25 +235,18 @@ def _held_out(report: DiagnosisReport) -> str:
     if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     elif report.verdict == Verdict.NOTHING_MISSING and floor is not None:
-        noise = f"{error / floor:.1f} times the {noise}{_repeats_leave(report)}"
+        interval = report.diagnosis.floor.interval
+        repeats = "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
+        noise = f"{error / floor:.1f} times the {noise}{repeats}"
     if first is None or attribution_of(report) == Support.DESCRIPTION:
-        return f"{in_mm(error)} mm RMS {UNSEEN}{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
-    return f"{_fall(error, first.held_out_rms)} with it, at unseen poses ({noise.removeprefix('measurement ')})"
-
-
-def _repeats_leave(report: DiagnosisReport) -> str:
-    """How well repeated poses tell the noise, where they do."""
-    interval = report.diagnosis.floor.interval
-    return "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
+        predicted = f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
+        return f"{in_mm(error)} mm RMS {UNSEEN}{predicted if _bounds_noise(report) else f' ({noise})'}"
+    return f"{arrow(error, first.held_out_rms)} mm RMS with it, at unseen poses ({noise.removeprefix('measurement ')})"
 
 
 def _bounds_noise(report: DiagnosisReport) -> bool:
     """Whether nothing but the black-box model tells how small the noise is at most."""
     return report.diagnosis.floor.rms is None and report.patterns.predictable.more_to_find
-
-
-def _predicted(report: DiagnosisReport) -> str:
-    return f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
 
 
 def _deployed(report: DiagnosisReport) -> str:
@@ -283,7 +271,7 @@ def _where_expected(report: DiagnosisReport) -> str:
 
 def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:
     if attribution == Support.DESCRIPTION:
-        return f"{plain_name(first.name)}: {_fall(report.held_out.rms, first.held_out_rms)}"
+        return f"{plain_name(first.name)}: {arrow(report.held_out.rms, first.held_out_rms)} mm RMS"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == Support.POSSIBLE_CAUSE:
         explained, left = explained_by_first(report) or (0.0, 0.0)
@@ -376,54 +364,39 @@ def _may_hide(report: DiagnosisReport) -> str:
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
-    first = report.first
+    model, data, arm = map(shlex.quote, astuple(names))
+    first, advice = report.first, advice_of(report)
     if first is None or attribution is None:
-        yield _without_effect(report, names)
-        if report.verdict == Verdict.NOTHING_MISSING:
-            export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
-            yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
+        yield from _without_effect(report, model, data)
         return
-    files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
-    add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
+    add = f"lrm-ident add {model} {data} {shlex.quote(first.name)} -o better.toml"
     lead, words = "or", "Adds it to the model and refits all parameters."
-    if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
-        yield _to_distinguish(advice.plan.options, causes_of(report), names)
+    if advice is not None and advice.plan is not None and advice.helps:
+        rivals = shlex.quote(",".join(causes_of(report)))
+        poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+        there = f"Measure there, append to {names.data}."
+        yield NextStep(
+            f"Writes poses (--levels any: at any angles) that distinguish these. {there}",
+            f"lrm-ident design {arm} --model {model} {poses}",
+            f"lrm-ident fit {data} --arm {arm} -o new.toml",
+        )
         lead, words = STOPGAP, "Adds it, though its cause is not certain."
     if attribution == Support.DESCRIPTION:
         yield NextStep("Corrects the error without knowing its cause.", add, lead=STOPGAP)
+        return
+    yield NextStep(words, add, f"lrm-ident diagnose better.toml {data}", lead)
+    if not first.equivalent:
+        auto = f"lrm-ident auto {model} {data} -o best.toml"
+        yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
+
+
+def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[NextStep]:
+    """The next steps after a verdict without an effect to add."""
+    if report.verdict == Verdict.NOTHING_MISSING:
+        yield NextStep(report.hint, f"lrm deploy {model}", VERIFY)
+        export = f"lrm-ident arm export {model} -o arm.urdf"
+        yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
+    elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
+        yield NextStep(report.hint, f"lrm-ident propose {model} {data} -o law.py")
     else:
-        auto = f"lrm-ident auto {files} -o best.toml"
-        then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
-        yield NextStep(words, add, then, lead)
-        if not first.equivalent:
-            yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
-
-
-def _hopeless(report: DiagnosisReport) -> Iterator[str]:
-    """That no poses distinguish the causes, where none of those that were tried do."""
-    advice = advice_of(report)
-    if advice is not None and not advice.helps:
-        yield advice.sentence.partition(":")[0]
-
-
-def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) -> NextStep:
-    """The poses that distinguish causes, which were tried."""
-    arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
-    model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"Writes poses (--levels any: at any angles) that distinguish these. Measure there, append to {names.data}."
-    poses = f"--separate {rivals} --have {data} {options} -o next.csv"
-    again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
-    return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
-
-
-def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
-    """The next step after a verdict without an effect to add."""
-    command = {
-        Verdict.NOTHING_MISSING: f"lrm deploy {shlex.quote(names.model)}",
-        Verdict.UNEXPLAINED_STRUCTURE: (
-            f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py"
-        ),
-    }
-    return NextStep(
-        report.hint, command.get(report.verdict, ""), VERIFY if report.verdict == Verdict.NOTHING_MISSING else ""
-    )
+        yield NextStep(report.hint)

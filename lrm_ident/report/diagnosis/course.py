@@ -91,7 +91,8 @@ def step_document(
     """
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     earlier = error_blocks(before, f"Before: {free} parameters")
-    table = error_blocks(after, f"With {_said(step, effect)}: {now} parameters")
+    said = effect if field_of(step.fit.model) is None else f"{effect}, {WHAT_IT_IS}"
+    table = error_blocks(after, f"With {said}: {now} parameters")
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
@@ -100,7 +101,10 @@ def step_document(
     facts = (("verdict", verdict), (TRACKERS_SCALE, scale_caveat(effect, step.fit)))
     stated = tuple((label, words) for label, words in facts if words)
     told = [Facts(stated)] if stated else []
-    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *diagnose_next(files)]
+    blocks: list[Block] = [*told, *table, *diagnose_next(files)]
+    if before.held_out.error is not None and after.held_out.error is not None:
+        change = change_words(before.held_out.error.rms, after.held_out.error.rms)
+        blocks.insert(0, heading(f"With {plain_name(effect)} the RMS error {UNSEEN} {change}."))
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
 
@@ -121,18 +125,6 @@ def verdict_on(effect: str, step: Step, before: ErrorSummary, after: ErrorSummar
         rivals = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
         return f"supported, but these poses cannot distinguish it from {rivals}."
     return "supported: the model surely predicts better with it. That alone does not identify it: see diagnose."
-
-
-def _step_headline(effect: str, before: ErrorSummary, after: ErrorSummary) -> Iterator[Block]:
-    """How far the held-out error fell, where both are known."""
-    if before.held_out.error is not None and after.held_out.error is not None:
-        change = change_words(before.held_out.error.rms, after.held_out.error.rms)
-        yield heading(f"With {plain_name(effect)} the RMS error {UNSEEN} {change}.")
-
-
-def _said(step: Step, effect: str) -> str:
-    """An effect that was added, and that it is no cause where it is none."""
-    return f"{effect}, {WHAT_IT_IS}" if field_of(step.fit.model) is not None else effect
 
 
 def course_document(

@@ -14,7 +14,6 @@ from lrm_ident.diagnosis.attribution import (
     unexplained_ratio,
 )
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
-from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -134,6 +133,7 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
     """Evidence behind the conclusion, for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.patterns)
+    concentrated = f"\nWhere the error is concentrated{', outliers included' if found.outlier_distances else ''}"
     blocks: list[Block] = [
         f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
         Facts(
@@ -145,7 +145,7 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
                 (BLACK_BOX, report.patterns.predictable.sentence),
             )
         ),
-        *section(_concentrated(found), (one.sentence for one in report.patterns.regimes)),
+        *section(concentrated, (one.sentence for one in report.patterns.regimes)),
         *section("\nCandidates, one by one", _reasons(report)),
     ]
     if found.data.several_kinds:
@@ -171,11 +171,6 @@ def _reasons(report: DiagnosisReport) -> Iterator[str]:
     for advice in report.ranking[:RANKED]:
         name = "" if advice.verdict != Support.NO_EVIDENCE else f"{plain_name(advice.name)}: "
         yield f"{name}{advice.reason.words(plain_name)}"
-
-
-def _concentrated(found: Diagnosis) -> str:
-    """Heading of the regimes."""
-    return f"\nWhere the error is concentrated{', outliers included' if found.outlier_distances else ''}"
 
 
 def _floor_mm(report: DiagnosisReport) -> float | None:

@@ -41,14 +41,11 @@ def draw_arm(arm: Arm, q: Array, path: Path) -> None:
     with figure_file(path, 12.5, 5.6) as figure:
         for panel, seen, title in zip(figure.subplots(1, 2), (OBLIQUE, SIDE), ("", " from the side"), strict=True):
             _draw_view(panel, _view(*seen), links, axes, heavy, 1e3 * geometry.tcp[:, 0])
-            panel.set_title(f"{arm.name}{title}", fontsize=11)
-            if seen is SIDE:
-                panel.set(xlabel="x, mm", ylabel="z, mm")
-                panel.grid(alpha=0.3)
-            else:
-                panel.set_axis_off()
+            panel.set(title=f"{arm.name}{title}", xlabel="x, mm", ylabel="z, mm")
+            panel.grid()
+            panel.set_axis_on() if seen is SIDE else panel.set_axis_off()
         handles, labels = panel.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
 
 
 def _view(azimuth: float, elevation: float) -> Array:

@@ -37,12 +37,10 @@ def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
     _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
     if comparison.held_out.residual is not None:
         _cumulative(axes, comparison.held_out.residual, "model, held out", HELD_OUT, "--")
-    axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 103))
-    axes.set_title(f"How large the errors are ({len(data)} poses)", fontsize=11)
-    axes.set_yticks(range(0, 101, 20))
-    axes.set_xscale("log")
+    title, below = f"How large the errors are ({len(data)} poses)", "share of the poses below it, %"
+    axes.set(xlabel="TCP error, mm", ylabel=below, title=title, xscale="log", ylim=(0, 103), yticks=range(0, 101, 20))
     axes.xaxis.set_major_formatter(plain_number)
-    axes.grid(alpha=0.3, which="both")
+    axes.grid(which="both")
     legend_below(axes)
 
 
@@ -56,15 +54,14 @@ def _cumulative(axes: Axes, residual: Array, label: str, colour: str, line: str)
 def _draw_factors(axes: Axes, comparison: ModelComparison) -> None:
     factors = comparison.factors[:FACTORS_DRAWN][::-1]
     share = [100 * factor.share for factor in factors]
-    bars = axes.barh([factor.name for factor in factors], share, color=MODEL)
-    axes.bar_label(bars, fmt="%.0f %%", padding=3)
-    axes.set(xlabel="share of the residual that it explains, %", xlim=(0, max(max(share) * 1.25, 5)))
-    axes.set_title("What the remaining error depends on", fontsize=11)
+    axes.bar_label(axes.barh([factor.name for factor in factors], share, color=MODEL), fmt="%.0f %%", padding=3)
+    axes.set(xlabel="share of the residual that it explains, %", title="What the remaining error depends on")
+    axes.set_xlim(0, max(max(share) * 1.25, 5))
 
 
 def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
     factor = comparison.factors[0]
-    groups = factor.groups[:GROUPS_DRAWN]
+    groups, title = factor.groups[:GROUPS_DRAWN], f"Mean error by {factor.name}"
     place = np.arange(len(groups))
     rotations = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
     if rotations:
@@ -72,15 +69,14 @@ def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
         words = [f"{group.error.rms * 1e3:.2g} mm\n{group.count}" for group in groups]
         axes.bar_label(bars, words, padding=3, fontsize=8)
         axes.margins(y=0.22)
-        axes.set_title(f"Mean error by {factor.name}\n(at each bar: RMS error, poses)", fontsize=11)
-        axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
+        title += "\n(at each bar: RMS error, poses)"
+        axes.set_ylabel(f"acts like a turn of joint {factor.name.split()[-1]}, deg")
     else:
         for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):
             bias = [group.bias[k] * 1e3 for group in groups]
             axes.bar(place + 0.27 * (k - 1), bias, 0.27, label="xyz"[k], hatch=hatch, color=colour, edgecolor="white")
-        axes.set(ylabel="mean residual, mm")
+        axes.set_ylabel("mean residual, mm")
         axes.legend(title="along")
     axes.set_xticks(place, [group.label for group in groups], rotation=35, ha="right")
     axes.axhline(0, color="black", linewidth=0.8)
-    if not rotations:
-        axes.set_title(f"Mean error by {factor.name}", fontsize=11)
+    axes.set_title(title)

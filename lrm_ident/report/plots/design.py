@@ -58,8 +58,8 @@ def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
         right.axhline(1.0, color="black", linewidth=0.8)
         share = 100 * found.observability.O1 / found.o1_upper_bound
         right.set(xlabel="index", ylabel="index over that of random poses", ylim=(0, 1.15 * max(gain)))
-        right.set_title(f"Gain over random poses\n(O1: {share:.1f} % of its bound)", fontsize=11)
-        right.grid(axis="y", alpha=0.3)
+        right.set_title(f"Gain over random poses\n(O1: {share:.1f} % of its bound)")
+        right.grid(axis="y")
         right.set_axisbelow(True)
 
 
@@ -71,22 +71,17 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
     widths = (0.7, 1.3) if found.after.discrimination is None else (0.7, 1.2, 0.5)
     everywhere, chosen = (solve_equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
     sets = [
-        PlottedSet(known, *style)
-        for known, *style in (
-            (found.before, "now", NOMINAL, "s", ".."),
-            (found.random_after, "with random poses", HELD_OUT, "x", "//"),
-            (found.after, "with these", MODEL, "o", ""),
-        )
-        if known is not None
+        *(() if found.before is None else (PlottedSet(found.before, "now", NOMINAL, "s", ".."),)),
+        PlottedSet(found.random_after, "with random poses", HELD_OUT, "x", "//"),
+        PlottedSet(found.after, "with these", MODEL, "o", ""),
     ]
     with figure_file(path, 14, 4.8) as figure:
         panels = figure.subplots(1, len(widths), width_ratios=widths)
         _draw_places(panels[0], everywhere, chosen, (0, 2))
         _draw_errors(panels[1], list(map(symbol, found.keys)), sets)
-        title = f"Expected error of every parameter (noise {task.noise * 1e3:g} mm per axis)"
-        panels[1].set_title(title, fontsize=11)
+        panels[1].set_title(f"Expected error of every parameter (noise {task.noise * 1e3:g} mm per axis)")
         if found.after.discrimination is not None:
-            _draw_rivals(panels[2], [rival.name for rival in found.after.discrimination.rivals], sets)
+            _draw_rivals(panels[2], [rival.name for rival in found.after.rivals], sets)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,22 +110,19 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -
     """The least detectable size of every rival; no bar where it never is."""
     width = 0.8 / len(sets)
     for k, one in enumerate(sets):
-        rivals = () if one.known.discrimination is None else one.known.discrimination.rivals
         place = np.arange(len(names)) + (k - 0.5 * (len(sets) - 1)) * width
-        for x, rival in zip(place, rivals, strict=True):
+        for x, rival in zip(place, one.known.rivals, strict=True):
             height = NEVER if rival.detectable_size is None else rival.detectable_size
             bar = axes.bar(x, height, width, color=one.colour, hatch=one.hatch, edgecolor="white")
             if rival.detectable_size is not None:
                 axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=8)
             else:
                 axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
-    known = [one.known.discrimination.rivals for one in sets if one.known.discrimination]
-    sizes = [rival.detectable_size for rivals in known for rival in rivals if rival.detectable_size is not None]
+    sizes = [rival.detectable_size for one in sets for rival in one.known.rivals if rival.detectable_size is not None]
     _log(axes)
     axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
     axes.set_xticks(np.arange(len(names)), [fill(plain_name(name), RIVAL) for name in names], fontsize=8)
-    axes.set_ylabel("smallest size that would show, in typical sizes")
-    axes.set_title("What these poses\ndistinguish", fontsize=11)
+    axes.set(ylabel="smallest size that would show, in typical sizes", title="What these poses\ndistinguish")
 
 
 def _log(axes: Axes) -> None:
@@ -139,9 +131,9 @@ def _log(axes: Axes) -> None:
 
     axes.set_yscale("log")
     axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
-    for set_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        set_format(plain_number)
-    axes.grid(alpha=0.3)
+    axes.yaxis.set_major_formatter(plain_number)
+    axes.yaxis.set_minor_formatter(plain_number)
+    axes.grid()
 
 
 def _draw_places(axes: Axes, every: Array, chosen: Array, pair: tuple[int, int]) -> None:
@@ -150,10 +142,9 @@ def _draw_places(axes: Axes, every: Array, chosen: Array, pair: tuple[int, int])
     axes.plot(every[:, i] * 1e3, every[:, j] * 1e3, ".", color=NOMINAL, markersize=3, label=f"{len(every)} candidates")
     label = f"{len(chosen)} chosen"
     axes.plot(chosen[:, i] * 1e3, chosen[:, j] * 1e3, "o", color=GREEN, markersize=5, markeredgecolor="k", label=label)
-    axes.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", aspect="equal")
-    axes.set_title(f"Positions of the tip, from {'the side' if j == 2 else 'above'}", fontsize=11)
-    axes.grid(alpha=0.3)
-    legend_below(axes, 2)
+    axes.set_aspect("equal")
+    title = f"Positions of the tip, from {'the side' if j == 2 else 'above'}"
+    finish(axes, f"{'xyz'[i]}, mm", f"{'xyz'[j]}, mm", title)
 
 
 def draw_elimination(found: ParameterElimination, path: Path) -> None:
@@ -176,9 +167,5 @@ def _draw_singular_values(axes: Axes, found: ParameterElimination, units: Units)
         axes.axhline(found.threshold, color="black", linestyle="--", linewidth=1, label=label)
     axes.set_yscale("log")
     zero = f"; points at {FLOOR:g} are zero" if every.min() < FLOOR else ""
-    finish(
-        axes,
-        "number",
-        f"singular value, {TITLES[units]}",
-        f"Singular values, {NAMES[units]}, {found.poses} poses{zero}",
-    )
+    title = f"Singular values, {NAMES[units]}, {found.poses} poses{zero}"
+    finish(axes, "number", f"singular value, {TITLES[units]}", title)

@@ -28,12 +28,11 @@ if TYPE_CHECKING:
 
 DRAWN = 9
 EVIDENCE = {
-    Support.SUPPORTED: "improves the prediction",
-    Support.INDISTINGUISHABLE: "indistinguishable from others",
-    Support.NO_EVIDENCE: "no evidence",
+    Support.SUPPORTED: (MODEL, "", "improves the prediction"),
+    Support.INDISTINGUISHABLE: (MODEL, "//", "indistinguishable from others"),
+    Support.NO_EVIDENCE: (NOMINAL, "..", "no evidence"),
 }
-HATCH = {Support.SUPPORTED: "", Support.INDISTINGUISHABLE: "//", Support.NO_EVIDENCE: ".."}
-COLOUR = {Support.SUPPORTED: MODEL, Support.INDISTINGUISHABLE: MODEL, Support.NO_EVIDENCE: NOMINAL}
+"""Colour and hatch of a bar, and what they say."""
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 
 
@@ -56,29 +55,24 @@ def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
 
 def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     shown = report.ranking[:DRAWN][::-1]
+    for verdict, (colour, hatch, words) in EVIDENCE.items():
+        if bars := {row: a for row, a in enumerate(shown) if a.verdict == verdict}:
+            style: Any = {"color": colour, "hatch": hatch, "edgecolor": "white", "label": words}
+            drawn = axes.barh([*bars], [a.held_out_rms * 1e3 for a in bars.values()], **style)
+            labels = [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in bars.values()]
+            axes.bar_label(drawn, labels, padding=8)
     names = [f"{plain_name(a.scored.name)}\n{a.scored.name}" for a in shown]
-    style: Any = {
-        "color": [COLOUR[a.verdict] for a in shown],
-        "hatch": [HATCH[a.verdict] for a in shown],
-        "edgecolor": "white",
-    }
-    bars = axes.barh(names, [a.held_out_rms * 1e3 for a in shown], **style)
-    axes.tick_params(axis="y", labelsize=8)
-    axes.bar_label(bars, [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in shown], padding=8)
+    axes.set_yticks(range(len(shown)), names, fontsize=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
     axes.axvline(now, color="black", linestyle="-", linewidth=1, label=f"now {now:.2f} mm")
     if floor is not None:
         axes.axvline(floor * 1e3, color="black", linestyle=":", linewidth=1.5, label=f"noise {floor * 1e3:.2f} mm")
-    axes.set(xlabel="held-out RMS error with the effect added, mm", xlim=(0, 1.2 * now))
-    verdicts = {advice.verdict for advice in shown}
-    for verdict, words in EVIDENCE.items():
-        if verdict in verdicts:
-            axes.barh([-1], [0], color=COLOUR[verdict], hatch=HATCH[verdict], edgecolor="white", label=words)
-    axes.set_ylim(-0.6, len(shown) - 0.4)
+    axes.set(xlim=(0, 1.2 * now), ylim=(-0.6, len(shown) - 0.4))
+    axes.set_xlabel("held-out RMS error with the effect added, mm")
     legend_below(axes, 2)
-    title = conclude(report).headline if report.first is None else plain_name(report.first.scored.name)
-    missing = title if report.first is None else f"Best candidate: {title}"
-    axes.set_title(fill(missing, TITLE_LINE), fontsize=11)
+    first = report.first
+    missing = conclude(report).headline if first is None else f"Best candidate: {plain_name(first.scored.name)}"
+    axes.set_title(fill(missing, TITLE_LINE))
 
 
 def _draw_evidence(axes: Axes, name: str, motion: Array, residual: Array) -> None:

@@ -31,12 +31,12 @@ TORN, ROOM, ROW, LABEL = 2.2, 1.4, 0.36, 34
 
 def draw_story(story: Story, path: Path | None = None) -> Figure:
     """Draws the waterfall. Raises `FileError` for an unknown format or place."""
-    later = max((one.left_mm for one in story.steps[1:]), default=story.steps[0].left_mm)
-    most = max(one.left_mm for one in story.steps)
+    later = max((one.rms_mm for one in story.steps[1:]), default=story.steps[0].rms_mm)
+    most = max(one.rms_mm for one in story.steps)
     scale = ROOM * later if most > TORN * later else 1.02 * most
     ends = [
         (name, value)
-        for name, value in (("as deployed", story.steps[-1].deployed_mm), ("nested", story.nested_mm))
+        for name, value in (("as deployed", story.steps[-1].deployed_rms_mm), ("nested", story.nested_rms_mm))
         if value is not None
     ]
     rows = len(story.steps) + len(ends)
@@ -44,25 +44,25 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
         axes = figure.subplots()
         for row, one in enumerate(story.steps):
             colour = COLOURS[one.kind]
-            axes.barh(row, min(one.left_mm, scale), color=colour, alpha=0.3)
-            axes.barh(row, min(one.before_mm, scale) - min(one.left_mm, scale), left=one.left_mm, color=colour)
-            cut = " (bar cut short)" if one.left_mm > scale else ""
-            where = (min(one.before_mm, scale), row)
-            axes.annotate(f"{in_mm(one.left_mm * MM)}{cut}", where, **BESIDE)
+            axes.barh(row, min(one.rms_mm, scale), color=colour, alpha=0.3)
+            axes.barh(row, min(one.before_rms_mm, scale) - min(one.rms_mm, scale), left=one.rms_mm, color=colour)
+            cut = " (bar cut short)" if one.rms_mm > scale else ""
+            where = (min(one.before_rms_mm, scale), row)
+            axes.annotate(f"{in_mm(one.rms_mm * MM)}{cut}", where, **BESIDE)
         for row, (_, value) in enumerate(ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)
             axes.annotate(in_mm(value * MM), (value, row), **BESIDE)
-        noise = story.noise_mm if story.noise_mm is not None else story.bound_mm
+        noise = story.noise_rms_mm if story.noise_rms_mm is not None else story.noise_bound_rms_mm
         if noise is not None:
-            words = "measurement noise" if story.noise_mm is not None else "measurement noise, at most"
+            words = "measurement noise" if story.noise_rms_mm is not None else "measurement noise, at most"
             axes.axvline(noise, color="black", linestyle=":", label=f"{words} {in_mm(noise * MM)} mm")
-            axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / rows), frameon=False, fontsize=9)
+            axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / rows), frameon=False)
         kinds = [f"\n{one.kind}" if one.number and one.kind != "effect" else "" for one in story.steps]
         names = [fill(one.title, LABEL) + kind for one, kind in zip(story.steps, kinds, strict=True)]
         axes.set_yticks(range(rows), [*names, *(name for name, _ in ends)], fontsize=9)
         axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
-        axes.set_xlabel("RMS error of the tip, mm: pale what remains, solid what was taken away")
-        axes.set_title("How the error fell" + (f", {UNSEEN}" if story.held_out else ""), fontsize=11)
+        title = "How the error fell" + (f", {UNSEEN}" if story.held_out else "")
+        axes.set(title=title, xlabel="RMS error of the tip, mm: pale what remains, solid what was taken away")
         axes.spines[["top", "right", "left"]].set_visible(False)
         axes.tick_params(axis="y", length=0)
     return figure

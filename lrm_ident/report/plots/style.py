@@ -31,37 +31,32 @@ def check_format(path: Path) -> None:
 @contextmanager
 def figure_file(path: Path | None, width: float, height: float) -> Iterator[Figure]:
     """An empty figure (inches) that is written to `path` if there is one, whole or not at all. Raises `FileError`."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
 
     if path is not None:
         check_format(path)
-    figure = plt.figure(figsize=(width, height), layout="constrained")
-    try:
+    with rc_context({"axes.titlesize": 11, "grid.alpha": 0.3, "legend.fontsize": 9}):
+        figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
-        drawn = BytesIO()
-        if path is not None:
-            figure.savefig(drawn, dpi=110, format=path.suffix[1:])
-    finally:
-        plt.close(figure)
     if path is not None:
+        drawn = BytesIO()
+        figure.savefig(drawn, dpi=110, format=path.suffix[1:])
         write_bytes(path, drawn.getvalue())
 
 
 def finish(axes: Axes, x: str, y: str, title: str = "", legend: bool = True) -> None:
     """Labels, title, grid and legend."""
     axes.set(xlabel=x, ylabel=y)
-    axes.set_title(fill(title, TITLE_LINE), fontsize=11)
-    axes.grid(alpha=0.3)
+    axes.set_title(fill(title, TITLE_LINE))
+    axes.grid()
     if legend:
         legend_below(axes, 2)
 
 
 def legend_below(axes: Axes, columns: int = 1) -> None:
     """The legend under the axis, where it hides no bar and no point."""
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=columns, fontsize=9, frameon=False)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=columns, frameon=False)
 
 
 def plain_number(value: float, _: float) -> str:

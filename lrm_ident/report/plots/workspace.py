@@ -75,8 +75,8 @@ def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: 
     step = MM_PER_M * first.grid.step
     if len(x) and len(y):
         axes.set(xlim=(x.min() - 2 * step, x.max() + 3 * step), ylim=(y.min() - 2 * step, y.max() + 3 * step))
-    axes.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", aspect="equal")
-    axes.set_title(f"Reach of {arm.name}, cut at {'xyz'[k]} = {MM_PER_M * at:.0f} mm", fontsize=11)
+    title = f"Reach of {arm.name}, cut at {'xyz'[k]} = {MM_PER_M * at:.0f} mm"
+    axes.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", aspect="equal", title=title)
     return mesh
 
 
@@ -108,7 +108,7 @@ def _draw_arm(axes: Axes, arm: Arm, plane: tuple[int, int]) -> None:
     chain = chain_of(arm)
     points = MM_PER_M * frames(chain, chain.values([0.0] * arm.dof), 1)[0, :, :3, 3][:, plane]
     axes.plot(*points.T, color="black", marker="o", markersize=4, linewidth=2, label="arm, joints at 0°")
-    axes.legend(loc="upper left", fontsize=9)
+    axes.legend(loc="upper left")
 
 
 def _draw_variants(axes: Axes, found: VariantComparison) -> None:
@@ -120,5 +120,4 @@ def _draw_variants(axes: Axes, found: VariantComparison) -> None:
     axes.bar_label(bars, fmt="%.2f" if found.areas else "%.0f", padding=3, fontsize=9)
     axes.tick_params(axis="y", labelsize=9)
     what = "mean index in all areas, %" if found.areas else "volume, L"
-    axes.set(xlabel=what, xlim=(0, 1.2 * max(values) or 1.0))
-    axes.set_title("Variants of the arm, best first", fontsize=11)
+    axes.set(xlabel=what, xlim=(0, 1.2 * max(values) or 1.0), title="Variants of the arm, best first")

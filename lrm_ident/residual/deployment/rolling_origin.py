@@ -16,9 +16,10 @@ from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.deployment.carried_states import FEWEST, with_carried_states
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.model.deployed_model import as_deployed, as_deployed_at
+from lrm_math.model.deployed_model import as_deployed_with, followed_effects
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.state_after_session import state_of_arm
 
 FIRST_SHARE, WINDOWS = 0.75, 2
 """Share of the poses before the first forecast; number of forecasts, each of as many poses."""
@@ -46,15 +47,19 @@ def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
     """(M,), squared errors (m²) of the last quarter of the poses, predicted as deployed by fits to those before.
 
     A rover may know the time since power-on and what the arm did before, or not: the way that predicts better counts.
+    The tracker still errs as it did.
 
     Raises `LrmError`: a fit does not converge.
     """
     rows, known, unknown = np.arange(len(data)), list[Array](), list[Array]()
+    trackers = [bound.effect.name for bound in fitted.model.binding.distorting]
     for begin, end in pairwise(_edges(data)):
         before, later = data.take(rows[:begin]), data.take(rows[begin:end])
-        model = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before).model
-        known.append(_squares(as_deployed_at(model, later.poses), later))
-        unknown.append(_squares(as_deployed(model), later))
+        earlier = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before)
+        model = earlier.model.with_state(state_of_arm(earlier.equilibrium))
+        followed = followed_effects(model, later.poses)
+        known.append(_squares(as_deployed_with(model, [*followed, *trackers]), later))
+        unknown.append(_squares(as_deployed_with(model, trackers), later))
     return min(np.concatenate(known), np.concatenate(unknown), key=lambda squares: float(squares.mean()))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from nicegui import ui
@@ -12,111 +12,62 @@ from lrm_ident.report.plots.interactive.assets import TOLD
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.tasks import WorkProgress
 
+MISSING, MEASURE = "find out which effect is missing", "what to measure next, to distinguish the candidates"
+SAVE = "write the model as a file (S)"
 ADD_FIELD = "Add a field (not a cause)"
 SURE_AFTER_S = 1.0
 """s of work after which its rate says how long the rest takes."""
 
 
-HINTS = {
-    "add": "add the chosen effect and refit everything (A)",
-    "diagnose": "find out which effect is missing",
-    "next poses": "what to measure next, to distinguish the candidates",
-    "save…": "write the model as a file (S)",
-}
-"""What the advised button does."""
+class Command(NamedTuple):
+    """What a person may do: what the button says, the deed or the address of a tab, a hint, the key, what allows it."""
+
+    text: str
+    do: Callable[[], object] | str
+    hint: str
+    key: str = ""
+    able: str = ""
 
 
-class ChosenEffect(NamedTuple):
-    """The effect that Add would add: `effect@place`, and the same in plain words."""
-
-    name: str
-    title: str
+Button = Callable[[Command], ui.button]
 
 
-class CommandBar:
-    """Commands of one tab: the one that is advised as a button, all others in a menu.
+def step_commands(session: WorkbenchSession) -> Iterator[Command]:
+    """The commands that change the model, and those that look for what is missing."""
+    yield Command("Auto", session.auto, "add effects as advised until none is left", "", "ready")
+    yield Command("Diagnose again", session.diagnose, MISSING, "", "can_diagnose")
+    yield Command("Next poses", session.next_poses, MEASURE, "", "can_choose_poses")
+    yield Command("Propose a formula", session.propose, "where no known effect explains the error (P)", "p", "ready")
+    helps = "predict the remaining error without a name, where that surely helps"
+    yield Command(ADD_FIELD, session.add_field, helps, "", "ready")
+    yield Command("Undo", session.undo, "take the last step back (U)", "u", "can_undo")
+    yield Command("Redo", session.redo, "take it again (R)", "r", "can_redo")
 
-    `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab, `save` asks for a file.
-    """
 
-    def __init__(
-        self,
-        session: WorkbenchSession,
-        button: Callable[[str, Callable[[], object], str], ui.button],
-        add: Callable[[], object],
-        save: Callable[[], object],
-    ) -> None:
-        self.session, self.button = session, button
-        self.task, self.begun = "", 0.0
-        self.advised: dict[str, Callable[[], object]] = {
-            "add": add, "diagnose": session.diagnose, "next poses": session.next_poses, "save…": save
-        }  # fmt: skip
-        self.first = "diagnose"
+class WorkShown:
+    """The work going on, why something failed, and the verdict."""
 
-    def build_menu(self) -> None:
-        """The commands that change the model, and those that look for what is missing."""
-        session = self.session
-        self.menu = {
-            text: self.button(text, action, hint)
-            for text, action, hint in (
-                ("Auto", session.auto, "add effects as advised until none is left"),
-                ("Diagnose again", session.diagnose, HINTS["diagnose"]),
-                ("Next poses", session.next_poses, HINTS["next poses"]),
-                ("Propose a formula", session.propose, "where no known effect explains the error (P)"),
-                (ADD_FIELD, session.add_field, "predict the remaining error without a name, where that surely helps"),
-                ("Undo", session.undo, "take the last step back (U)"),
-                ("Redo", session.redo, "take it again (R)"),
-            )
-        }
-
-    def build_advice(self) -> None:
-        """The button that is advised; it keeps its place whatever the verdict above the panels says."""
-        self.primary = self.button("Diagnose", self._advise, "")
-        self.primary.props(remove="outline dense").classes("lrm-primary")
-        with self.primary:
-            self.name = ui.label().classes("lrm-name-of-effect")
-
-    def build_verdict(self) -> None:
-        """The work going on, why something failed, and the verdict."""
+    def __init__(self, session: WorkbenchSession, button: Button) -> None:
+        self.session, self.task, self.begun = session, "", 0.0
         with ui.element("div").classes("lrm-do"):
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as self.work:
                 self.what = ui.label()
                 bar = ui.linear_progress(0.0, show_value=False).classes("lrm-bar-of-work")
                 self.bar = bar.props('instant-feedback aria-label="progress"')
-                self.button("Cancel", self.session.cancel, "end this work (Esc)")
-        self.failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
+                button(Command("Cancel", session.cancel, "end this work (Esc)"))
+        failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
+        failure.bind_text_from(session, "failure")
         ui.html(TOLD.format(verdict="", sentence="", facts=""), sanitize=False)
 
-    def _advise(self) -> object:
-        return self.advised[self.first]()
-
-    def show(self, chosen: ChosenEffect | None) -> None:
-        """Shows the work going on, and what may be done; `chosen`: the effect that Add would add."""
-        session, now = self.session, self.session.progress
+    def show(self) -> None:
+        """Shows how far the work is now."""
+        now = self.session.progress
         self.work.set_visibility(now is not None)
         if now is not None:
             self.what.set_text(self._words(now))
             self.bar.set_visibility(now.of > 0)
             self.bar.set_value(now.done / now.of if now.of else 0.0)
-        self.failure.set_text(session.failure)
-        ready, shown = session.step is not None and not session.busy, session.shown
-        diagnosed = shown is not None and shown.diagnosed
-        if chosen is not None:
-            self.first, words = "add", f"Add: {chosen.title}"
-        elif not diagnosed:
-            self.first, words = "diagnose", "Diagnose" if session.can_diagnose else "Diagnosing…"
-        else:
-            complete = shown is not None and shown.complete
-            self.first, words = ("save…", "Save the model…") if complete else ("next poses", "Choose the next poses")
-        self.primary.set_text(words)
-        self.primary.props(f'data-name="{self.first}" title="{HINTS[self.first]}"')
-        self.name.set_text(chosen.name if chosen else "")
-        self.primary.set_enabled(session.can_diagnose if self.first == "diagnose" else ready)
-        able = {"Undo": session.can_undo, "Redo": session.can_redo, "Diagnose again": session.can_diagnose}
-        able["Next poses"] = ready and diagnosed
-        for text, button in self.menu.items():
-            button.set_enabled(able.get(text, ready))
 
     def _words(self, now: WorkProgress) -> str:
         """The running task, how far it is, and how long the rest takes at this rate."""
@@ -131,32 +82,17 @@ class CommandBar:
         return f"{words}, {max(1.0, spent / now.done * (now.of - now.done)):.0f} s left"
 
 
-class FileNotice:
+def file_notices(session: WorkbenchSession, button: Button) -> None:
     """Two lines below the bar of one tab, each shown only while there is something to decide."""
-
-    def __init__(
-        self, session: WorkbenchSession, button: Callable[[str, Callable[[], object], str], ui.button]
-    ) -> None:
-        self.session = session
-        with ui.element("div").classes("lrm-notice").props('id="lrm-stale" role=alert') as self.stale:
-            self.words = ui.label()
-            button("Reload", session.reload, "read the file as it is now; the model stays")
-            button("Keep", session.keep, "go on with the measurements as they were read")
-        with ui.element("div").classes("lrm-notice").props('id="lrm-offer" role=status') as self.offer:
-            self.last = ui.label()
-            button("Go on", session.resume, "open the model and the measurements of the last session")
-            button("Not now", self._leave, "stay here")
-
-    def show(self) -> None:
-        """Shows what is to be decided now."""
-        session = self.session
-        self.stale.set_visibility(session.stale)
-        if session.step is not None:
-            self.words.set_text(f"{session.step.files.data.name} has changed on disk. What is shown is as it was read.")
-        self.offer.set_visibility(session.offered is not None and len(session.taken.steps) <= 1)
-        if session.offered is not None:
-            self.last.set_text(f"Last session with {session.offered.data.name}: {session.offered.model}")
-
-    def _leave(self) -> None:
-        self.session.offered = None
-        self.show()
+    with ui.element("div").classes("lrm-notice").props('id="lrm-stale" role=alert') as stale:
+        changed = "{} has changed on disk. What is shown is as it was read."
+        ui.label().bind_text_from(session, "step", lambda one: changed.format(one.files.data.name) if one else "")
+        button(Command("Reload", session.reload, "read the file as it is now; the model stays"))
+        button(Command("Keep", session.keep, "go on with the measurements as they were read"))
+    stale.bind_visibility_from(session, "stale")
+    with ui.element("div").classes("lrm-notice").props('id="lrm-offer" role=status') as offer:
+        words = "Last session with {}: {}"
+        ui.label().bind_text_from(session, "offered", lambda one: words.format(one.data.name, one.model) if one else "")
+        button(Command("Go on", session.resume, "open the model and the measurements of the last session"))
+        button(Command("Not now", session.decline, "stay here"))
+    offer.bind_visibility_from(session, "offered", lambda one: one is not None and len(session.taken.steps) <= 1)

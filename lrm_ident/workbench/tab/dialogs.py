@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from nicegui import ui
@@ -82,22 +82,19 @@ def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
     """A file that grows, or a daemon, to be followed."""
     at_hand = str(session.step.files.data) if session.step else ""
     with _dialog("lrm-live", "live data") as dialog:
-
-        def button(text: str, action: Callable[[], object], look: str = "unelevated") -> None:
-            """A button that closes the dialog."""
-            ui.button(text, on_click=lambda: _closing(dialog, do, action)).props(f"no-caps {look}")
-
         ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
         path = ui.input("Follow the file", value=at_hand).classes("lrm-full")
         with ui.row():
-            button("Follow the file", lambda: session.follow(Path(path.value).expanduser()))
-            button("Stop following", session.stop_following, "flat")
+            follow = partial(_closing, dialog, do, lambda: session.follow(Path(path.value).expanduser()))
+            _button("Follow the file", follow)
+            _button("Stop following", partial(_closing, dialog, do, session.stop_following), "flat")
         ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
         robot = ui.input("Robot", value="rover").classes("lrm-full")
         endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
         with _buttons(dialog):
-            button("Listen to the rover", lambda: rover.listen(robot.value, endpoint.value))
-            button("Stop listening", rover.hang_up, "flat")
+            listen = partial(_closing, dialog, do, lambda: rover.listen(robot.value, endpoint.value))
+            _button("Listen to the rover", listen)
+            _button("Stop listening", partial(_closing, dialog, do, rover.hang_up), "flat")
 
 
 @contextmanager
@@ -117,8 +114,8 @@ def _buttons(dialog: ui.dialog, close: str = "") -> Iterator[None]:
         ui.button("Close", on_click=dialog.close).props("no-caps flat" + (f" data-name={close}" if close else ""))
 
 
-def _button(text: str, action: Callable[[], object]) -> ui.button:
-    return ui.button(text, on_click=action).props("no-caps unelevated")
+def _button(text: str, action: Callable[[], object], look: str = "unelevated") -> ui.button:
+    return ui.button(text, on_click=action).props(f"no-caps {look}")
 
 
 def _closing(dialog: ui.dialog, do: Do, action: Callable[[], object]) -> None:
@@ -126,56 +123,48 @@ def _closing(dialog: ui.dialog, do: Do, action: Callable[[], object]) -> None:
     do(action)
 
 
-@dataclass(frozen=True)
-class TourStop:
-    """One stop: the panel that it points to, its title, and what to see and do there."""
-
-    panel: str
-    title: str
-    words: str
-
-
 TOUR = (
-    TourStop(
+    (
         "panel-field",
-        "1 of 6: the error field",
+        "the error field",
         "Every dot is a measured tool position of a printed arm; every arrow points from where the model says the tool "
         "should be to where it was measured, magnified as printed below. The model was fitted already, yet the arrows "
         "follow a pattern. Drag to turn the scene; point at a dot to see its pose.",
     ),
-    TourStop(
+    (
         "panel-turn",
-        "2 of 6: where it fails",
+        "where it fails",
         "The same errors as turns of one joint. Against the torque of joint 2 they jump where the torque changes sign. "
         "Try other joints and quantities: nowhere else is there such a step. Drag a box around some points: they are "
         "marked in every view.",
     ),
-    TourStop(
+    (
         "panel-effect",
-        "3 of 6: which effect",
+        "which effect",
         "Every known effect at every place was tried. The list says which error each would leave at poses not in the "
         "fit (held-out): ● is supported, ◐ is indistinguishable from others, ○ has no evidence. Backlash in joint 2 is "
         "first by far.",
     ),
-    TourStop(
+    (
         "panel-form",
-        "4 of 6: its form beside the data",
+        "its form beside the data",
         "Left: what the data do, and the formula of the chosen effect on them. Right: what it would add against what "
         "is missing. Where points follow the line the formula fits; choose another candidate to see one that does not.",
     ),
-    TourStop(
+    (
         "panel-story",
-        "5 of 6: press Add",
+        "press Add",
         "Press Add, beside the verdict: everything is refitted with the effect. The error falls, the arrows shrink, "
         "on the same scale. Undo takes the step back exactly; press a step to see it again.",
     ),
-    TourStop(
+    (
         "panel-effect",
-        "6 of 6: know when to stop",
+        "know when to stop",
         "The headline says when no systematic error is left. Save the model for the rover, "
         "write a report, or drop your own CSV on this page.",
     ),
 )
+"""Stops of the tour: the panel that each points to, its title, and what to see and do there."""
 
 
 class TourDialog:
@@ -198,12 +187,12 @@ class TourDialog:
             self.leave()
             return
         self.stop = stop
-        at = TOUR[stop]
-        self.title.set_content(f"<h2>{at.title}</h2>")
-        self.words.set_text(at.words)
+        panel, title, words = TOUR[stop]
+        self.title.set_content(f"<h2>{stop + 1} of {len(TOUR)}: {title}</h2>")
+        self.words.set_text(words)
         self.back.set_enabled(stop > 0)
         self.card.set_visibility(True)
-        ui.run_javascript(f"lrmTour('{at.panel}')")
+        ui.run_javascript(f"lrmTour('{panel}')")
 
     def leave(self) -> None:
         """Ends the tour."""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from nicegui import ui
 
 from lrm_ident.report.plots.interactive import assets
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab import dialogs
-from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar, FileNotice
+from lrm_ident.workbench.tab.command_bar import MEASURE, MISSING, SAVE, Command, WorkShown, file_notices, step_commands
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.work.tasks import section_html
 from lrm_math.errors import LrmError
@@ -27,6 +29,8 @@ BANNER = """<div id="lrm-banner" role="alert" hidden></div>
 <section class="lrm-panel lrm-row" id="lrm-rover" hidden aria-label="rover"><h2>Rover</h2>
 <div id="lrm-rover-arms" class="lrm-arms"></div><p id="lrm-rover-words" class="lrm-small" aria-live="off"></p>
 </section>"""
+GONE = """The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in {folder}. \
+Go on with: {again}"""
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
 """Until the browser shows the numbers that it was sent."""
@@ -47,6 +51,13 @@ addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.
 window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""
 
 
+class ChosenEffect(NamedTuple):
+    """The effect that Add would add: `effect@place`, and the same in plain words."""
+
+    name: str
+    title: str
+
+
 class WorkbenchPage:
     """One tab. `chosen`: the candidate chosen in it; `seen`, `drawn`: the versions of the session that it shows."""
 
@@ -59,13 +70,12 @@ class WorkbenchPage:
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
-        self.bar = CommandBar(session, self._button, self._add, self._save)
         self._build_header(motion)
-        self.notice = FileNotice(session, self._button)
+        file_notices(session, self._button)
         ui.html(BANNER, sanitize=False).classes("lrm-full")
         with ui.element("div").classes("lrm-hero"):
             with ui.element("div").classes("lrm-told"):
-                self.bar.build_verdict()
+                self.work = WorkShown(session, self._button)
             ui.html(assets.BESIDE, sanitize=False).classes("lrm-contents")
         ui.html(assets.BELOW, sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
@@ -80,39 +90,63 @@ class WorkbenchPage:
             self.tour.go_to(0)
 
     def _build_header(self, motion: bool) -> None:
+        moves = "what moves show, in a tab beside; takes some seconds at first"
         with ui.element("header").classes("lrm-head"):
             ui.html('<h1 class="lrm-title">lrm-ident workbench</h1>', sanitize=False)
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
             if motion:
-                self._link("Motion", "/lrm/motion", "what moves show, in a tab beside; takes some seconds at first")
-            self.bar.build_advice()
+                self._button(Command("Motion", "/lrm/motion", moves))
+            self.primary = ui.button(on_click=lambda: self._press("advised")).props("no-caps unelevated")
+            with self.primary.classes("lrm-primary"):
+                self.name = ui.label().classes("lrm-name-of-effect")
             with ui.element("details").classes("lrm-menu").props('id="lrm-menu"'):
                 with ui.element("summary"):
                     ui.label("Menu")
                 with ui.element("div").classes("lrm-menu-list"):
-                    self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
-                    self._button("Save…", self._save, "write the model as a file (S)")
-                    self._link("Report", "/lrm/report", "all in one file")
-                    self._button("Commands", self._commands, "what was done, as commands (C)")
-                    self._button("Live…", self._live, "follow a file that grows, or a rover")
-                    ui.element("hr")
-                    self.bar.build_menu()
-                    ui.element("hr")
-                    self._button("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
-                    theme = "light or dark"
-                    self._button("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), theme, name=theme)
+                    for one in self._menu():
+                        self._button(one) if one else ui.element("hr")
 
-    def _button(self, text: str, action: Callable[[], object], hint: str, name: str = "") -> ui.button:
-        button = ui.button(text, on_click=lambda: self._do(action)).props("no-caps unelevated dense outline")
-        return button.props(
-            f'data-name="{(name or text).lower()}" title="{hint}"' + (f' aria-label="{name}"' if name else "")
-        )
+    def _menu(self) -> Iterator[Command | None]:
+        """All that may be done but what is advised; None: a line between."""
+        yield Command("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
+        yield Command("Save…", self._save, SAVE, "s")
+        yield Command("Report", "/lrm/report", "all in one file")
+        yield Command("Commands", lambda: dialogs.commands_dialog(self.session), "what was done, as commands (C)", "c")
+        live = partial(dialogs.live_dialog, self.session, self.rover, self._do)
+        yield Command("Live…", live, "follow a file that grows, or a rover")
+        yield None
+        yield from step_commands(self.session)
+        yield None
+        yield Command("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
+        yield Command("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark")
 
-    def _link(self, text: str, address: str, hint: str) -> None:
-        """A button that opens a tab by itself: browsers block tabs that a script opens after the server's answer."""
-        where = f'href="{address}" target="_blank" data-name="{text.lower()}" title="{hint}"'
-        ui.button(text).props(f"no-caps unelevated dense outline {where}")
+    def _advised(self) -> tuple[str, Command]:
+        """What the primary button does now, by its name: Add, as soon as an effect is chosen."""
+        session, shown = self.session, self.session.shown
+        if self.chosen is not None:
+            add = "add the chosen effect and refit everything (A)"
+            return "add", Command(f"Add: {self.chosen.title}", self._add, add, "a", "ready")
+        if shown is None or not shown.diagnosed:
+            words = "Diagnose" if session.can_diagnose else "Diagnosing…"
+            return "diagnose", Command(words, session.diagnose, MISSING, "", "can_diagnose")
+        if shown.complete:
+            return "save…", Command("Save the model…", self._save, SAVE, "s", "ready")
+        return "next poses", Command("Choose the next poses", session.next_poses, MEASURE, "", "ready")
+
+    def _show_advised(self) -> None:
+        name, one = self._advised()
+        self.primary.set_text(one.text)
+        self.primary.props(f'data-name="{name}" title="{one.hint}"')
+        self.primary.set_enabled(getattr(self.session, one.able))
+        self.name.set_text(self.chosen.name if self.chosen else "")
+
+    def _button(self, one: Command) -> ui.button:
+        """A button; an address opens by itself: browsers block tabs that a script opens after the server's answer."""
+        link, do = (f' href="{one.do}" target="_blank"', None) if isinstance(one.do, str) else ("", one.do)
+        button = ui.button(one.text, on_click=None if do is None else lambda: self._do(do))
+        button.props(f'no-caps unelevated dense outline data-name="{one.text.lower()}" title="{one.hint}"{link}')
+        return button.bind_enabled_from(self.session, one.able) if one.able else button
 
     # ---- refreshing
 
@@ -122,8 +156,8 @@ class WorkbenchPage:
         if self.seen == session.version:
             return
         self.seen = session.version
-        self.bar.show(self.chosen)
-        self.notice.show()
+        self.work.show()
+        self._show_advised()
         if session.taken.law is not self.law:
             self.law = session.taken.law
             if self.law is not None:
@@ -137,7 +171,8 @@ class WorkbenchPage:
             return
         self.drawn = session.drawn
         self.files.set_text(shown.title)
-        ui.run_javascript(f"window.lrmGone = {json.dumps(_gone(session))}")
+        gone = GONE.format(folder=session.folder, again=session.again)
+        ui.run_javascript(f"window.lrmGone = {json.dumps(gone)}")
         ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
         self.numbers.set_content(self._numbers(shown.numbers))
         ui.run_javascript(f"setTimeout(() => lrmGlossary(document.querySelector('.lrm-numbers')), {SHOWN_MS})")
@@ -163,21 +198,14 @@ class WorkbenchPage:
 
     def _press(self, key: str) -> None:
         session = self.session
-        actions = {
-            "a": self._add,
-            "u": session.undo,
-            "r": session.redo,
-            "p": session.propose,
-            "s": self._save,
-            "c": self._commands,
-        }
-        actions["escape"] = session.cancel if session.progress is not None else self.tour.leave
-        if key in actions:
-            self._do(actions[key])
+        deeds = {one.key: one.do for one in self._menu() if one} | {"a": self._add, "advised": self._advised()[1].do}
+        deeds["escape"] = session.cancel if session.progress is not None else self.tour.leave
+        if callable(do := deeds.get(key)):
+            self._do(do)
 
     def _choose(self, one: dict[str, str] | None) -> None:
         self.chosen = None if one is None else ChosenEffect(one["name"], one["title"])
-        self.bar.show(self.chosen)
+        self._show_advised()
 
     def _add(self) -> None:
         if self.chosen is None:
@@ -186,17 +214,3 @@ class WorkbenchPage:
 
     def _save(self) -> None:
         dialogs.save_dialog(self.session, self._do)
-
-    def _live(self) -> None:
-        dialogs.live_dialog(self.session, self.rover, self._do)
-
-    def _commands(self) -> None:
-        dialogs.commands_dialog(self.session)
-
-
-def _gone(session: WorkbenchSession) -> str:
-    """Words of a tab when the server is gone."""
-    return (
-        "The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in "
-        f"{session.folder}. Go on with: {session.again}"
-    )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nicegui import ui
 
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.work.tasks import OpenFiles
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ class RoverPanel:
     def __init__(self, session: WorkbenchSession) -> None:
         self.session = session
         self.link: RoverLink | None = None
-        self._model: tuple[Path, Model] | None = None
 
     def listen(self, robot: str, endpoint: str) -> None:
         """Begins to listen to a daemon, for as long as the tab is open."""
@@ -49,18 +48,18 @@ class RoverPanel:
         from lrm_ident.report.plots.interactive.candidate_view import rounded
 
         try:
-            tip = self.link.tip(self._model_of(step.files))
+            tip = self.link.tip(_model(step.files.model, step.files.effects_file))
         except LrmError as error:
             ui.run_javascript(f"lrm.rover({json.dumps({'words': str(error)})})")
             return
         values = {"words": tip.words, "nominal": rounded(tip.nominal * 1e3, 2), "bent": rounded(tip.bent * 1e3, 2)}
         ui.run_javascript(f"lrm.rover({json.dumps(values)})")
 
-    def _model_of(self, files: OpenFiles) -> Model:
-        """The model of a step, read once. Raises `LrmError`."""
-        from lrm_ident.fitting.effect_plugins import catalogue_with
-        from lrm_math.model.model_file import load_model
 
-        if self._model is None or self._model[0] != files.model:
-            self._model = (files.model, load_model(files.model, catalogue_with(files.effects_file)))
-        return self._model[1]
+@lru_cache(maxsize=1)
+def _model(file: Path, effects_file: Path | None) -> Model:
+    """The model of a step, whose file is never written again. Raises `LrmError`."""
+    from lrm_ident.fitting.effect_plugins import catalogue_with
+    from lrm_math.model.model_file import load_model
+
+    return load_model(file, catalogue_with(effects_file))

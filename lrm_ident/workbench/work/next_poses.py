@@ -15,14 +15,13 @@ from lrm_ident.data.weights.whitening import measured_alike
 from lrm_ident.design.advice import next_poses as designed
 from lrm_ident.design.candidate_poses import ClearanceRules, clear_poses, floor_above_table
 from lrm_ident.design.discrimination import UnsuitableRival
-from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign
+from lrm_ident.design.pose_design import DesignProblem, PoseDesign
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.study.study import Study
-from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef, effects_at
@@ -50,7 +49,9 @@ class NextPoses:
 
 def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPoses:
     """Chooses the next poses. Raises `LrmError`: no choice can tell any rivals apart, or there are too few poses."""
-    noise_mm, arm, data = _noise_mm(found), study.model.arm, study.data
+    left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
+    noise_mm = float(f"{left / sqrt(3.0):.3g}")  # the floor that the data show, else all that the last step leaves
+    arm, data = study.model.arm, study.data
     loads_g = sorted({round(float(load) / GRAM, 3) for load in (data.poses.payload.min(), data.poses.payload.max())})
     problem = DesignProblem(
         model=study.model,
@@ -68,7 +69,8 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
     ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
-    offer = _offer(arm, loads_g)
+    rules, chain = ClearanceRules(floor=floor_above_table(arm)), chain_of(arm)
+    offer = clear_poses(arm, (), [load * GRAM for load in loads_g], rules, SEED)
     best: tuple[tuple[str, ...], DesignProblem, PoseDesign] | None = None
     for names in rival_pairs(ranking):
         task = replace(problem, rivals=tuple(e for name in names for e in effects_at(arm, name, study.catalogue)))
@@ -91,14 +93,9 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
     arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
     blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
-    arms, table = _arms(arm, chosen.poses.q), pose_table(chosen).csv()
+    q, table = chosen.poses.q, pose_table(chosen).csv()
+    arms = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))[:, :, :3, 3]
     return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)
-
-
-def _offer(arm: Arm, loads_g: Sequence[float]) -> CandidateSet:
-    """Poses to choose from. Raises `LrmError` if none keeps the rules."""
-    payloads, rules = [load * GRAM for load in loads_g], ClearanceRules(floor=floor_above_table(arm))
-    return clear_poses(arm, (), payloads, rules, SEED)
 
 
 def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:
@@ -116,11 +113,6 @@ def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:
     return f"These {count} poses will make the model's parameters more certain; no effect is in doubt."
 
 
-def _arms(arm: Arm, q: Array) -> Array:
-    chain = chain_of(arm)
-    return frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))[:, :, :3, 3]
-
-
 def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], ...]:
     """The first candidate that there is evidence for, beside each of its strongest rivals, the strongest first.
 
@@ -133,9 +125,3 @@ def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], 
     rest = dict.fromkeys([*ranking[0]["indistinguishable_from"], *names[1:]])
     rest.pop(names[0], None)
     return tuple((names[0], rival) for rival in list(rest)[:MOST_RIVALS]) or ((names[0],),)
-
-
-def _noise_mm(found: ModelReport) -> float:
-    """Noise per axis (mm), in three digits: the floor that the data show, else all that the last step leaves."""
-    left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
-    return float(f"{left / sqrt(3.0):.3g}")

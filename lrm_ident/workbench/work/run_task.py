@@ -223,7 +223,6 @@ def step_shown(found: ModelReport) -> tasks.StepView:
     return tasks.StepView(
         title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
         data_sha256=found.poses.sha256,
-        verdict=found.verdict,
         diagnosed=found.diagnosis is not None,
         complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
         values=values_text(figure_values(found)),

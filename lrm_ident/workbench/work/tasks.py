@@ -64,7 +64,7 @@ class StepView:
     """View of a step on the page.
 
     Attributes:
-        title: arm, file, and how many poses. data_sha256: of the measurements. verdict: of the diagnosis, or "".
+        title: arm, file, and how many poses. data_sha256: of the measurements.
         diagnosed: whether there is a diagnosis; complete: whether that finds nothing missing.
         values: JSON of the figures. numbers: all tables, as HTML.
         model: text of the model file; before: that without the last step, or None if there is none to take back.
@@ -72,7 +72,6 @@ class StepView:
 
     title: str
     data_sha256: str
-    verdict: str
     diagnosed: bool
     values: str
     numbers: str

@@ -128,7 +128,7 @@ def hostile(kind: type[Message]) -> dict[str, bytes]:
     }  # fmt: skip
 
 
-LARGE_REPLIES = ("IkReply", "PlanReply", "Event", "ErrorReply")
+LARGE_REPLIES = ("IkReply", "PlanReply", "Event", "ErrorReply", "InfoState")
 """Bounded as `FkReply` is, which takes most of them."""
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.errors import LrmError
@@ -30,6 +30,7 @@ from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.safety.thermal_model import gravity_torques
 from tests.support.daemon.in_memory_daemon import CONFIG, CYCLE, WALL, SimulatedDaemon
+from tests.support.sweep import examples
 
 SECOND = 1_000_000_000
 TIME_CONSTANT = 10.0
@@ -141,6 +142,7 @@ def reset_hot(config: Config, degrees: float) -> HeatingDaemon:
 WAYS = [armed_hot, restarted_hot, reset_hot]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_a_servo_that_is_too_hot_is_not_switched_on_and_the_refusal_says_when_it_is_cool_enough(config, way) -> None:
     sim = way(config, 120.0)
@@ -157,6 +159,7 @@ def test_a_servo_that_is_too_hot_is_not_switched_on_and_the_refusal_says_when_it
     sim.arm(STRETCHED)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_a_servo_that_is_armed_just_below_the_limit_stops_at_it(config, way) -> None:
     """The weight of the stretched arm heats it by 27 degC in a second: faster than it can go to rest."""
@@ -320,7 +323,7 @@ ACTIONS = st.sampled_from(["arm", "move", "hold", "relax", "reset", "estop", "le
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
+@examples(4, 8)
 @given(st.lists(st.tuples(ACTIONS, st.integers(0, 200)), min_size=5, max_size=15), st.floats(25.0, 140.0))
 def test_no_sequence_of_requests_and_faults_heats_a_servo_with_pulses_beyond_the_limit(actions, degrees) -> None:
     sim = HeatingDaemon(CONFIGS[0], stored=stored_at(degrees))

@@ -33,6 +33,7 @@ from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
 from lrmd.ramp.shared_memory import FRICTION_ELEMENTS
 from tests.support.daemon.armed_daemon import ArmedDaemon
 from tests.support.daemon.in_memory_daemon import CONFIG
+from tests.support.sweep import examples
 
 AGREE = 1e-9
 """m."""
@@ -168,7 +169,7 @@ def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
 
 @pytest.mark.long
 @given(seed=st.integers(0, 2**31), ends=st.lists(st.lists(ANGLES, min_size=6, max_size=6), min_size=3, max_size=3))
-@settings(max_examples=12, deadline=None)
+@examples(6, 12)
 def test_rpc_ik_comes_from_where_the_arm_stands(seed: int, ends: list[list[float]]) -> None:
     """Its commands reach the goal with the friction that the move there leaves: as `rpc/fk` has it."""
     ik, start = service(model(seed)), Motion.at(ends[0]).to(np.array(ends[1]))

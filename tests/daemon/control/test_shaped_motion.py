@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.control.motion_predictor import MotionPredictor
@@ -19,6 +19,7 @@ from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses, v
 from tests.daemon.control.test_motion_laws import armed, commanded, keep
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 from tests.support.motion_models import swinging
+from tests.support.sweep import examples, soak
 
 MODEL = swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05))
 GOAL = {"joint1": 0.5, "joint2": -0.3}
@@ -215,8 +216,8 @@ def test_the_shaping_of_the_configuration_waits_for_a_model(tmp_path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("shaping", ["off", "zvdd"])
-@settings(max_examples=6)
+@pytest.mark.parametrize("shaping", ["zvdd", *soak("off")])
+@examples(3, 20)
 @given(at=st.integers(1, 250), soft=st.floats(1.0, 12.0))
 def test_another_model_leaves_a_motion_under_way_as_it_was_ordered(shaping, at, soft, tmp_path_factory) -> None:
     """Tick by tick the pulses are those of a daemon whose model stays; the model is taken away, or another is there."""

@@ -10,7 +10,7 @@ from typing import get_args
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -34,6 +34,7 @@ from tests.conftest import TABLE_B2
 from tests.math.collision.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
 from tests.support.daemon.in_memory_daemon import CONFIG
+from tests.support.sweep import examples
 
 EXACT = 1e-6
 """m: largest error of a polished answer, a thousandth of a millimetre."""
@@ -156,7 +157,7 @@ def turn_between(tool: Array, goal: GoalEntry) -> float:
 
 
 @pytest.mark.slow
-@settings(max_examples=50)
+@examples(25, 50)
 @given(
     seed=st.integers(0, 10_000), payload=st.sampled_from([0.0, 0.0663]), method=st.sampled_from(sorted(METHODS)),
     kind=st.sampled_from(["pose", "approach", "point"]), near=st.booleans(), rounding=st.sampled_from(["each", "best"]),
@@ -263,7 +264,7 @@ def test_the_distance_of_a_collision_is_that_of_plain_geometry() -> None:
     assert seen >= 2
 
 
-@settings(max_examples=40)
+@examples(20, 40)
 @given(st.tuples(*[st.floats(-3, 3)] * 3), st.tuples(*[st.floats(-3, 3)] * 3))
 def test_turns_about_fixed_axes_and_their_quaternion_are_the_same_goal(
     rpy: tuple[float, float, float], along: tuple[float, float, float]
@@ -323,7 +324,7 @@ def test_the_best_counts_are_never_worse_than_the_nearest_of_each_joint() -> Non
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@examples(30, 60)
 @given(
     angles=st.lists(st.sampled_from([0.0, 0.5, -0.7, math.pi / 2, 1.7]), min_size=6, max_size=6),
     near=st.sampled_from([None, "zero", "there"]), method=st.sampled_from(["direct", "cube"]),
@@ -362,7 +363,7 @@ def test_a_direction_leaves_equations_without_a_unique_answer_which_is_no_reason
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.3, 2.0))
 def test_an_answer_for_an_overloaded_arm_is_a_unique_equilibrium(seed: int, payload: float) -> None:
     """The answer is where the model has the arm rest when nothing is known of how it got there."""

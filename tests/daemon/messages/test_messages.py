@@ -10,7 +10,7 @@ from typing import Any
 
 import msgpack
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.api.zenoh_server import REQUESTS
@@ -22,6 +22,7 @@ from lrmd.messages.kinematics import IkAnswer, IkReply
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 from tests.support.message_schemas import contents, every_message
+from tests.support.sweep import examples
 
 MESSAGES = every_message()
 REQUEST_NAMES = sorted({kind.__name__ for kind in REQUESTS.values()})
@@ -66,7 +67,7 @@ def test_every_request_has_a_full_example_here() -> None:
 def test_content_that_the_schema_allows_survives_a_round_trip(name: str) -> None:
     kind = MESSAGES[name]
 
-    @settings(max_examples=25)
+    @examples(12, 25)
     @given(contents(kind))
     def law(content: dict[str, Any]) -> None:
         message = unpack(kind, msgpack.packb(content))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise, product
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.config import Config, load_config
@@ -19,6 +19,7 @@ from lrmd.ramp.board_link import NUMBERS, TABLE, Action, BoardLink, BoardReply
 from lrmd.ramp.shared_memory import LinkState, RampFault
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
+from tests.support.sweep import examples
 
 ALIVE = BoardStatus.PULSING | BoardStatus.SET_UP
 
@@ -126,7 +127,7 @@ def test_a_greeting_of_an_old_handshake_does_not_answer_a_new_one(config: Config
 
 @pytest.mark.long
 @given(seq=st.integers(1, 60))
-@settings(max_examples=30, deadline=None)
+@examples(15, 30)
 def test_a_dead_board_is_not_hidden_by_one_old_acknowledgement(config: Config, seq: int) -> None:
     line = moving(config)
     for _ in range(80):
@@ -159,7 +160,7 @@ def test_nor_by_all_that_it_ever_said(config: Config) -> None:
 
 
 @given(copies=st.integers(2, 6))
-@settings(max_examples=10, deadline=None)
+@examples(5, 10)
 def test_a_repeated_acknowledgement_is_one_step(config: Config, copies: int) -> None:
     line = moving(config)
     line.tick(order := line.order(2, target=(MIDDLE + 100_000,) * 16))
@@ -225,7 +226,7 @@ def test_a_reply_that_is_not_in_the_table_changes_nothing(state: LinkState, repl
 
 @pytest.mark.long
 @given(before=st.integers(0, 12), silent=st.integers(1, 400), pulsing=st.booleans(), restart=st.booleans())
-@settings(max_examples=60, deadline=None)
+@examples(30, 60)
 def test_a_chip_that_answers_again_is_used_again(
     config: Config, before: int, silent: int, pulsing: bool, restart: bool
 ) -> None:

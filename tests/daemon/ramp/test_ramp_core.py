@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.api.children import board_settings
@@ -18,6 +18,7 @@ from lrmd.ramp.shared_memory import LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace, Way, move
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
+from tests.support.sweep import examples
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +110,7 @@ def test_after_a_pause_of_its_own_it_queries_the_board_before_it_sends_pulses(co
 
 
 @given(late_ms=st.integers(7, 490))
-@settings(max_examples=30, deadline=None)
+@examples(15, 30)
 def test_a_late_tick_that_comes_before_the_reply_loses_no_link(config: Config, late_ms: int) -> None:
     line = RampWithBoard(config).ready()
     line.tick(line.order())
@@ -133,7 +134,7 @@ def test_a_board_that_does_not_reply_is_lost_after_the_timeout(config: Config) -
 
 
 @given(register=st.integers(200, 400), seed=st.integers(0, 100))
-@settings(max_examples=40, deadline=None)
+@examples(20, 40)
 def test_it_adopts_exactly_the_registers_of_the_board(config: Config, register: int, seed: int) -> None:
     line = RampWithBoard(config).ready()
     line.tick(line.order())
@@ -179,7 +180,7 @@ def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
 
 
 @given(st.lists(st.binary(max_size=60), max_size=30))
-@settings(max_examples=60, deadline=None)
+@examples(30, 60)
 def test_no_bytes_from_the_port_can_stop_it_or_switch_anything_on(config: Config, noise: list[bytes]) -> None:
     line = RampWithBoard(config).ready()
     for data in noise:
@@ -197,7 +198,7 @@ def branching(line: RampWithBoard, number: int, branch_at: int, target: int, aft
 
 @pytest.mark.long
 @given(length=st.integers(5, 40), branch_at=st.integers(0, 40), read_at=st.integers(0, 40))
-@settings(max_examples=40)
+@examples(20, 40)
 def test_an_order_branches_off_where_it_says_or_the_servos_stop(
     config: Config, length: int, branch_at: int, read_at: int
 ) -> None:

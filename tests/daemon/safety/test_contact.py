@@ -28,7 +28,7 @@ from tests.soak.guard_sequences import FASTER
 from tests.support.daemon.guarded_sequence import MARGIN, GuardedSequence, cluttered_arm
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.independent_distances import bodies_apart, link_frames
-from tests.support.sweep import soak
+from tests.support.sweep import examples, soak
 
 pytestmark = pytest.mark.long
 
@@ -183,7 +183,7 @@ def test_two_parts_of_the_arm_may_never_touch(scene: Scene) -> None:
 
 @given(st.integers(0, 10_000))
 @example(350)
-@settings(max_examples=12, deadline=None)
+@examples(6, 12)
 def test_the_independent_distances_are_those_of_the_scene(seed: int) -> None:
     """Of arms among boxes, a sphere and a map; those within the margin to 20 um."""
     arm, rng = cluttered_arm(seed), np.random.default_rng(seed)

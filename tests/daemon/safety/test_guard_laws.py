@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.collision.scene import Scene
@@ -25,7 +25,7 @@ from tests.support.daemon.guarded_sequence import (
     configured,
     soft_model,
 )
-from tests.support.sweep import seeds
+from tests.support.sweep import examples, seeds, soak
 
 pytestmark = pytest.mark.long
 
@@ -68,7 +68,7 @@ class Approach(GuardedSequence):
         return float(self.separations(np.unique(np.array(self.visited), axis=0)).min())
 
 
-@pytest.mark.parametrize("rate", [0.28, 0.05])
+@pytest.mark.parametrize("rate", [0.28, *soak(0.05)])
 def test_a_jog_that_is_renewed_without_end_stops_before_the_margin(rate: float) -> None:
     arm = Approach(MARGIN + 5e-3, MARGIN + 15e-3)
     for _ in range(60):
@@ -167,7 +167,7 @@ def test_a_motion_begins_exactly_where_it_was_checked_from() -> None:
     assert arm.accepted > 20
 
 
-@settings(max_examples=12)
+@examples(5, 60)
 @given(st.integers(0, 10_000), st.booleans())
 def test_a_way_out_is_offered_if_one_exists(seed: int, soft: bool) -> None:
     """Arms within the margin or in overlap: where a straight way out is allowed, the planner has a path, too."""

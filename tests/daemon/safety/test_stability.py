@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.vehicle import Vehicle
@@ -35,6 +35,7 @@ from lrmd.safety.stability import Stability, stability_of
 from tests.daemon.control.test_known_obstacles import AWAY
 from tests.daemon.safety.test_contact import ABOVE, Toucher, soft
 from tests.support.daemon.in_memory_daemon import CONFIG
+from tests.support.sweep import examples
 
 pytestmark = pytest.mark.long
 
@@ -62,7 +63,7 @@ def least_angle(model: Model, start: Array, end: Array, payload: float) -> tuple
 
 
 @given(st.integers(0, 10_000), st.floats(0.0, 0.2), st.floats(0.0, 15.0), st.floats(0.05, 0.5))
-@settings(max_examples=60, deadline=None)
+@examples(30, 60)
 def test_a_way_is_refused_exactly_when_the_angle_falls_below_what_is_kept(
     seed: int, payload: float, slope: float, keep: float
 ) -> None:

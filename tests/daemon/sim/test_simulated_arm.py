@@ -9,7 +9,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -29,6 +29,7 @@ from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, ServoKind, backdrive_speed, remaining_travel, winding_rise
 from lrmd.sim.simulation import Simulation
 from tests.support.random_arms import random_arm
+from tests.support.sweep import examples
 
 MS, SECOND = 1_000_000, 1_000_000_000
 CLOCK = PwmClock(330.0)
@@ -147,7 +148,7 @@ def test_settles_to_the_tcp_of_its_model(rover: Arm) -> None:
 
 
 @given(st.integers(0, 1000), st.integers(1, 10))
-@settings(max_examples=15)
+@examples(7, 15)
 def test_any_number_of_joints(seed: int, joints: int) -> None:
     truth = model_of(servoed(random_arm(seed, joints)), ())
     rig = BoardOnBench(truth)

@@ -6,7 +6,7 @@ from itertools import pairwise
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.servo_table import PwmClock
@@ -32,6 +32,7 @@ from lrmd.sim.faults import (
 )
 from lrmd.sim.pca9685_chip import I2cNoAcknowledge, Pca9685Chip
 from lrmd.sim.simulation import Simulation
+from tests.support.sweep import examples
 
 MS, SECOND = 1_000_000, 1_000_000_000
 START = 500_000
@@ -506,7 +507,7 @@ def test_invalid_fault_names_the_valid_syntax(text: str, word: str) -> None:
 
 @pytest.mark.slow
 @given(st.binary(max_size=300), st.lists(st.integers(0, 300), max_size=5))
-@settings(max_examples=200)
+@examples(100, 200)
 def test_any_bytes_in_any_chunks_are_handled(data: bytes, cuts: list[int]) -> None:
     link = with_faults("flip 0.2 both", "double 0.2 both", "lose 0.2 both")
     edges = [0, *sorted(cuts), len(data)]

@@ -20,11 +20,11 @@ pytestmark = pytest.mark.long
 
 @pytest.mark.slow
 def test_the_demo_tells_the_story_in_a_folder_where_it_was_told_before(
-    tmp_path: Path, example_study: lrm.Study
+    tmp_path: Path, example_study: lrm.Study, better_study: lrm.Study
 ) -> None:
     (folder := tmp_path / "story").mkdir()
     stdout_of("example", "-o", folder / "data.csv")
-    for name, study in (("model", example_study), ("best", example_study.add("backlash@joint2"))):
+    for name, study in (("model", example_study), ("best", better_study)):
         study.save(folder / f"{name}.toml")
     stdout_of("report", folder / "best.toml", folder / "data.csv", "-o", folder / "report.html")
     said = stdout_of("demo", "-o", folder)
@@ -45,8 +45,8 @@ def test_the_example_can_be_fitted_where_it_is_written(tmp_path: Path) -> None:
     assert "RMS error fell" in stdout_of("fit", tmp_path / "mine.csv", "-o", tmp_path / "model.toml")
 
 
-def test_a_model_is_summed_up_without_its_data(tmp_path: Path, example_study: lrm.Study) -> None:
-    study = example_study.add("backlash@joint2")
+def test_a_model_is_summed_up_without_its_data(tmp_path: Path, better_study: lrm.Study) -> None:
+    study = better_study
     study.save(tmp_path / "best.toml")
     said = stdout_of("show", tmp_path / "best.toml", "--json", tmp_path / "best.json")
     assert said.startswith(study.summary().splitlines()[0])

@@ -31,12 +31,8 @@ RIG = "rig.csv"
 COMMANDS = [
     "example -o other.csv",
     "fit DATA.csv -o m.toml",
-    "diagnose model.toml DATA.csv",
-    "diagnose better.toml DATA.csv",
     "compare model.toml DATA.csv",
-    "add model.toml DATA.csv backlash@joint2 -o again.toml",
     "undo better.toml -o back.toml",
-    "auto model.toml DATA.csv -o best.toml --no-nested",
     "show better.toml",
     "report better.toml DATA.csv -o report.html",
     "predict better.toml DATA.csv -o predicted.csv",
@@ -58,7 +54,6 @@ COMMANDS = [
     "sockets board -o sockets.stl",
     "motion effects",
     "fit rig.csv --arm lrm-lab -o rigged.toml",
-    "diagnose rig.toml rig.csv",
     "compare rig.toml rig.csv",
     "show rig.toml",
 ]
@@ -104,14 +99,18 @@ def rows_of(text: str) -> int:
     return sum(max(1, -(-len(line.rstrip()) // COLUMNS)) for line in text.rstrip("\n").splitlines())
 
 
-@pytest.mark.usefixtures("terminal")
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_output_fits_a_terminal(command: str) -> None:
-    said = stdout_of(*shlex.split(command))
+def assert_fits(said: str) -> None:
+    """A text of at most a terminal's rows and columns; a command to copy may be wider."""
+    assert said.strip()
     assert rows_of(said) <= ROWS, said
     too_wide = [line for line in said.splitlines() if len(line.rstrip()) > COLUMNS and "lrm-ident" not in line]
     assert not too_wide
-    assert said.strip()
+
+
+@pytest.mark.usefixtures("terminal")
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_output_fits_a_terminal(command: str) -> None:
+    assert_fits(stdout_of(*shlex.split(command)))
 
 
 ADVISED = re.compile(r"(?:^Next: |^  (?:or|now): |Then: |Next: )(lrm-ident .*)$", re.M)
@@ -119,17 +118,19 @@ ADVISED = re.compile(r"(?:^Next: |^  (?:or|now): |Then: |Next: )(lrm-ident .*)$"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["model", "better", "rig"])
-def test_what_a_diagnosis_advises_runs_as_it_is_printed(model: str, folder: Path, tmp_path: Path) -> None:
+def test_what_a_diagnosis_advises_fits_and_runs_as_it_is_printed(
+    model: str, terminal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     data = "rig.csv" if model == "rig" else "DATA.csv"
     for name in (data, f"{data[:-4]}.toml", f"{model}.toml"):
-        if (folder / name).exists():
-            shutil.copy(folder / name, tmp_path / name)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.chdir(tmp_path)
-        told = stdout_of("diagnose", f"{model}.toml", data)
-        advised = [command for command in ADVISED.findall(told) if " verify " not in command]  # it needs an arm
-        assert advised or "Next: Measure" in told
-        for command in advised:
-            words = shlex.split(command)[1:]
-            said = stdout_of(*words, *(("--no-nested", "--max-effects", "1") if words[0] == "auto" else ()))
-            assert said.strip()
+        if (terminal / name).exists():
+            shutil.copy(terminal / name, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    told = stdout_of("diagnose", f"{model}.toml", data)
+    assert_fits(told)
+    advised = [command for command in ADVISED.findall(told) if " verify " not in command]  # it needs an arm
+    assert advised or "Next: Measure" in told
+    for command in advised:
+        words = shlex.split(command)[1:]
+        said = stdout_of(*words, *(("--no-nested", "--max-effects", "1") if words[0] == "auto" else ()))
+        assert_fits(said)

@@ -166,6 +166,7 @@ def _of_base(call: ast.Call) -> bool:
     return isinstance(call.func, ast.Attribute) and ast.unparse(call.func.value) == "super()"
 
 
+@pytest.mark.long
 def test_one_place_writes() -> None:
     """Only `atomic_write` opens files for writing; else only into folders of the tool's own."""
     found = []

@@ -147,6 +147,7 @@ def test_dates_are_times(lab: Arm, tmp_path: Path) -> None:
     np.testing.assert_allclose(data.poses.t, 60.0 * np.arange(60))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("poses", "said"), [("5-2", "runs backwards; is 2-5 meant"), ("1-300", "none of the 300 poses")]
 )

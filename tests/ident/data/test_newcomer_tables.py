@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
@@ -24,7 +24,7 @@ from lrm_math.toml_file import parse_toml
 from tests.conftest import EXAMPLE
 from tests.ident.data.test_table_formats import NAMES, ROWS, text
 from tests.support.commands import stderr_of, stdout_of
-from tests.support.sweep import seeds
+from tests.support.sweep import examples, seeds
 
 pytestmark = pytest.mark.usefixtures("one_step_folds")
 
@@ -80,7 +80,7 @@ def test_dates_of_a_workbook_are_times(tmp_path: Path, lab: Arm) -> None:
     np.testing.assert_allclose(t, [0.0, 1.0], atol=2e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(15, 30)
 @given(st.lists(st.lists(CELLS, min_size=1, max_size=30), min_size=1, max_size=5))
 def test_cells_of_a_workbook_stay_in_their_places(
     tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]

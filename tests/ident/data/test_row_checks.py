@@ -178,6 +178,7 @@ QUATERNION = ["qw", "qx", "qy", "qz"]
 JOINTS = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("quaternion", "said"),
     [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
@@ -26,6 +26,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.sweep import examples
 from validation import synthetic
 
 EXAMPLES = ROOT / "lrm_ident" / "data" / "examples"
@@ -179,7 +180,7 @@ def test_align_is_a_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=5)
+@examples(2, 5)
 @given(seed=st.integers(0, 1000))
 def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     arm = load_arm("two-joint")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.conventions import metadata_of
@@ -34,6 +34,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.session_state import StateAfterSession
 from lrm_math.model.state_after_session import state_after_session
 from tests.support.random_arms import random_arm
+from tests.support.sweep import examples
 
 POINTS_MM = {"A": (0.0, 0.0, 0.0), "B": (100.0, 0.0, 0.0), "C": (100.0, 80.0, 0.0), "D": (0.0, 80.0, 20.0)}
 STANDS = {
@@ -112,7 +113,7 @@ def test_derivatives_are_those_of_central_differences(kind: type[TouchedPoint]) 
         assert np.abs(J[:, :, j] - (plus - minus) / 2e-6).max() < 1e-8, model.keys[j]
 
 
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 @given(st.integers(0, 10_000), st.integers(1, 5))
 def test_rigid_motion_is_found_whatever_is_touched(seed: int, count: int) -> None:
     """One point, points on a line, in a plane, in space: they arrive where they were seen, and lengths stay."""

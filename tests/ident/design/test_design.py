@@ -315,6 +315,7 @@ def test_an_arm_that_says_nothing_of_a_table_is_warned_of_poses_below_its_base()
     assert "a height in mm such as 30, or none" in stderr_of(*words, "--floor-mm", "low")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [6, 40])
 def test_fewer_poses_than_a_fit_takes_are_said_to_be_too_few(tmp_path: Path, count: int) -> None:
     said = stdout_of("design", "two-joint", "--levels", "9", "-n", count, "-o", tmp_path / "next.csv")

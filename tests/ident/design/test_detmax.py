@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -28,6 +28,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.support.sweep import examples
 from tests.support.thesis_parameters import thesis_model, thesis_values
 
 seeds = st.integers(0, 10_000)
@@ -84,7 +85,7 @@ def test_the_thesis_units() -> None:
     assert unit_of(Parameter("c_Nm_per_rad", "", 0.1), "thesis") == pytest.approx(1e-3)
 
 
-@settings(max_examples=30)
+@examples(15, 30)
 @given(seeds, st.integers(1, 3))
 def test_determinants_follow_every_exchange(seed: int, m_thirds: int) -> None:
     J, rng = columns_of(seed, 20, 3 * m_thirds), np.random.default_rng(seed)
@@ -102,7 +103,7 @@ def test_determinants_follow_every_exchange(seed: int, m_thirds: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
+@examples(6, 12)
 @given(seeds, st.sampled_from(INDICES))
 def test_finds_what_trying_all_sets_finds(seed: int, index: Index) -> None:
     J = columns_of(seed, 11, 6)
@@ -117,7 +118,7 @@ def test_finds_what_trying_all_sets_finds(seed: int, index: Index) -> None:
 
 @pytest.mark.slow
 @given(seeds)
-@settings(max_examples=20)
+@examples(10, 20)
 def test_the_best_set_does_not_depend_on_units(seed: int) -> None:
     J = columns_of(seed, 30, 9)
     units = 10.0 ** np.random.default_rng(seed).uniform(-4, 4, 9)
@@ -127,7 +128,7 @@ def test_the_best_set_does_not_depend_on_units(seed: int) -> None:
 
 @pytest.mark.slow
 @given(seeds)
-@settings(max_examples=20)
+@examples(10, 20)
 def test_no_single_swap_would_raise_it(seed: int) -> None:
     J = columns_of(seed, 25, 6)
     rows = exchange(J, 8, starts=2, seed=seed).rows
@@ -140,7 +141,7 @@ def test_no_single_swap_would_raise_it(seed: int) -> None:
 
 @pytest.mark.slow
 @given(seeds)
-@settings(max_examples=10)
+@examples(5, 10)
 def test_what_is_known_already_counts(seed: int) -> None:
     J, known = columns_of(seed, 14, 6), columns_of(seed + 1, 5, 6)
     stacked = known.reshape(-1, 6)
@@ -191,7 +192,7 @@ def test_physical_sets_identify_physically() -> None:
 
 
 @given(seeds)
-@settings(max_examples=10)
+@examples(5, 10)
 def test_the_identification_follows_every_exchange(seed: int) -> None:
     J, rng = columns_of(seed, 20, 6), np.random.default_rng(seed)
     residual = rng.normal(size=(20, 3))

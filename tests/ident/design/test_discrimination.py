@@ -50,6 +50,7 @@ def test_an_exchange_among_nearly_dependent_columns_ends(seed: int, log_apart: f
     assert all(_climb(criterion, rows).score >= criterion.evaluate(rows).score for rows in starts)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("parameters", ["compliance.*", "offsets.joint?.theta_rad"])
 def test_few_poses_for_a_rival_on_a_small_arm(parameters: str) -> None:
     few = ["--levels", 5, "-n", 6, "--repeats", 0, "--separate", "hysteresis@joint1", "--parameters", parameters]

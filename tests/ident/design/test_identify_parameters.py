@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.number_table import read_csv
@@ -25,6 +25,7 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.random_arms import arms
+from tests.support.sweep import examples
 from validation.thesis.__main__ import main as thesis
 from validation.thesis.finite_difference_study import study_step_sizes
 
@@ -52,7 +53,7 @@ def test_letters_of_the_thesis(lab: Arm) -> None:
     assert len(set(every)) == 45
 
 
-@settings(max_examples=10)
+@examples(5, 10)
 @given(arms, st.integers(0, 1000), st.sampled_from(["thesis", "scaled"]))
 def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, units: str) -> None:
     model = model_45(arm)
@@ -72,7 +73,7 @@ def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, un
 
 @pytest.mark.slow
 @given(st.permutations(range(45)))
-@settings(max_examples=10)
+@examples(5, 10)
 def test_the_order_in_which_parameters_are_named_does_not_matter(order: list[int]) -> None:
     arm = load_arm("lrm-lab")
     equilibrium = solve_equilibrium(model_45(arm), some_poses(arm, 0, 60))
@@ -132,6 +133,7 @@ def test_the_28_of_the_thesis_are_independent_on_its_poses(real: Measurements, l
     assert vars(found.observability["scaled"]) == pytest.approx(vars(whole), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
 def test_differences_err_as_theory_says(lab: Arm, angle: float) -> None:
     """Truncation falls with ε², round-off grows with 1/ε, and between them the derivative is right to 1e-9."""

@@ -11,6 +11,7 @@ from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import model_of
+from tests.support.sweep import soak
 from validation.hidden_effects.case import FAULTS, FIRST_SEED
 from validation.hidden_effects.data import NOISE_M, spoiled
 from validation.hidden_effects.faults.cases import FAULT_CASES
@@ -33,8 +34,7 @@ def course(lab: Arm, name: str) -> tuple[AutoRun, DiagnosisReport]:
     ("fault", "named"),
     [
         ("a lens that stretches", "measurement_frame@frame"),
-        ("the board's clock is wrong", "common_gain@servos"),
-        ("all lengths grow", "drift@frame"),
+        *soak(("the board's clock is wrong", "common_gain@servos"), ("all lengths grow", "drift@frame")),
     ],
 )
 def test_one_common_cause_is_one_name(lab: Arm, fault: str, named: str) -> None:

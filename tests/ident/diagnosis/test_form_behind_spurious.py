@@ -37,7 +37,7 @@ class YieldingStop(HiddenEffect):
         return at_joint(self.joint, -self.share * beyond, load.tau_nm)
 
 
-@pytest.mark.parametrize("seed", seeds(2, 6))
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_a_stop_of_an_upright_shoulder_is_a_curve_of_its_angle(tmp_path: Path, seed: int) -> None:
     """There the torque follows the joint's angle, and a free function of both took the place of every name."""
     rng = np.random.default_rng(seed)

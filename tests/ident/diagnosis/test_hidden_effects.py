@@ -8,6 +8,7 @@ import math
 import re
 import tomllib
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -139,10 +140,15 @@ def test_the_list_of_effects_is_complete() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", OF_SIZE_ZERO, ids=lambda effect: type(effect).__name__)
 def test_size_zero_changes_nothing(arm: ArmDescription, effect: HiddenEffect) -> None:
+    np.testing.assert_allclose(measured_at_times(arm, effect), measured_at_times(arm, None), atol=1e-13)
+
+
+@cache
+def measured_at_times(arm: ArmDescription, effect: HiddenEffect | None) -> Array:
+    """(15, 3), positions of a random arm with an effect, at two sessions' poses."""
     q, truth = random_poses(arm, 15, 1), GroundTruth.random(arm, 1)
     plan = Schedule(60.0 * np.arange(15.0), np.array([1.0, 2.0, 2.0] * 5), np.zeros(6))
-    seen = [measure(arm, replace(truth, effects=e), q, 0.05, schedule=plan) for e in ((), (effect,))]
-    np.testing.assert_allclose(seen[1], seen[0], atol=1e-13)
+    return measure(arm, replace(truth, effects=(effect,) if effect else ()), q, 0.05, schedule=plan)
 
 
 @pytest.mark.soak

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit, linearise
 from lrm_ident.residual.better_prediction import squared_outlier_distance
 from lrm_math.arrays import Array
+from tests.support.sweep import examples
 
 POSES, SIGMA = 40, 0.3
 SIZES = st.lists(st.lists(st.integers(1, 4), min_size=1, max_size=3), max_size=4)
@@ -33,7 +34,7 @@ def ridge(A: Array, C: Array, r: Array, rows: Array) -> Array:
 
 
 @pytest.mark.long
-@settings(max_examples=40, deadline=None)
+@examples(20, 40)
 @given(taken=SIZES, tried=st.lists(st.integers(1, 5), min_size=1, max_size=6), seed=st.integers(0, 10**6))
 def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: list[int], seed: int) -> None:
     """Whatever is taken in whatever groups, and whenever the tried columns are brought up to date."""
@@ -98,7 +99,7 @@ def test_a_column_that_is_taken_already_explains_nothing_more(seed: int) -> None
     assert fit.explain(T).rms == pytest.approx(fit.baseline.rms, rel=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 @given(taken=st.integers(0, 3), tried=st.integers(1, 4), known=st.integers(1, 5), seed=st.integers(0, 10**6))
 def test_a_prior_is_measurements_that_every_fold_has(taken: int, tried: int, known: int, seed: int) -> None:
     """Rows of the prior are trained on in all folds, predicted in none, and no further column reaches them."""

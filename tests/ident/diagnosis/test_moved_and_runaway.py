@@ -68,7 +68,7 @@ def test_a_tracker_that_was_pushed_between_sessions_is_a_moved_base(lab: Arm, se
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("timed", [False, *soak(True)])
 def test_a_tracker_that_creeps_is_a_drifting_base(lab: Arm, timed: bool) -> None:
     """Also where no times were written down: the poses have an order."""
     data = measured(3)
@@ -97,7 +97,7 @@ def test_a_joint_that_slipped_is_named_with_the_moment(lab: Arm, seed: int, join
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "last", "sessions"), [(ChangePoint, 71, 1), (Session, 60, 2)])
+@pytest.mark.parametrize(("kind", "last", "sessions"), [(ChangePoint, 71, 1), *soak((Session, 60, 2))])
 def test_a_target_that_was_put_on_again_is_named_and_deployed_as_it_sits_now(
     lab: Arm, kind: type[Effect], last: int, sessions: int
 ) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from lrm_math.effects import CATALOGUE
+from tests.support.sweep import examples
 from validation.hidden_effects.case import Case
 from validation.hidden_effects.catalogue import EVERY, PARTS, UNFAMILIAR
 from validation.hidden_effects.data import ARM_FILE, dataset, unseen
@@ -57,7 +58,7 @@ def test_unequal_play_has_two_widths() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=20)
+@examples(10, 20)
 def test_friction_lags_behind_the_last_move_within_its_width(seed: int) -> None:
     q = np.random.default_rng(seed).uniform(-1.5, 1.5, 30)
     side = np.sign(np.diff(q, prepend=0.0))

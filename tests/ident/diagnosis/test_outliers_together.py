@@ -26,7 +26,7 @@ def diagnosed(model: Model, data: Measurements) -> DiagnosisReport:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", seeds(2, 6))
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint, middle, half = int(rng.integers(2, 5)), rng.uniform(-0.3, 0.5), rng.uniform(0.12, 0.16)
@@ -41,7 +41,7 @@ def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, see
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", seeds(2, 6))
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_path: Path, seed: int) -> None:
     model, data = upright_measurements(tmp_path, seed, 240, NOISE)
     rng = np.random.default_rng(seed)

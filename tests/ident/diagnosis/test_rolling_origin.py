@@ -40,7 +40,7 @@ def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Pa
     assert named.sigma < plain.sigma
     assert allows_rolling_origin(study.data)
     assert len(rolling_origin_squares(named, study.data)) == len(study.data) / 4
-    assert confirm._not_better_later(one, plain, named, study.data) is None
+    assert confirm._not_better_later([one], plain, named, study.data) is None
 
 
 def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", part: object = ModelPart.ARM) -> bool:
@@ -51,7 +51,7 @@ def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", p
     effect: Any = SimpleNamespace(depends_on=(depends_on,), part=part)
     fits: list[Any] = [SimpleNamespace(squares=squares, model=None) for squares in (without, with_it)]
     nothing: Any = None
-    return confirm._not_better_later(effect, *fits, nothing) is not None
+    return confirm._not_better_later([effect], *fits, nothing) is not None
 
 
 @pytest.mark.parametrize(("step", "late"), [(24.0, False), (25.0, False), (26.0, True), (31.0, True)])
@@ -80,3 +80,13 @@ def test_what_forecasts_cannot_judge_is_left_to_the_cross_validation(monkeypatch
     assert judged(monkeypatch, same, worse)
     assert not judged(monkeypatch, same, worse, depends_on="angle")
     assert not judged(monkeypatch, same, worse, part=ModelPart.MEASUREMENT)
+
+
+def test_two_that_hide_each_other_are_confirmed_together(tmp_path: Path) -> None:
+    """A tracker's scale and a screw that slipped: neither alone makes the deployed model surely better."""
+    data, _ = SimulatedCase.of("catalogue/pair/stretched+slip2/80/0").record().load(tmp_path)
+    found = confirm.confirm(Study.of(data).fit().screen())
+    assert found.first is not None
+    assert found.first.name == "change_point@joint2"
+    assert found.beside == "measurement_frame@frame"
+    assert not found.refused

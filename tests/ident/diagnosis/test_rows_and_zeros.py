@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
@@ -27,6 +27,7 @@ from lrm_math.effects.servo_errors import Eccentricity, ServoGain
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.support.sweep import examples
 from validation.hidden_effects.data import ARM_FILE
 from validation.synthetic import GroundTruth, load_arm, measure, random_poses
 from validation.synthetic import base_displacement_to_deviations as as_deviations
@@ -87,7 +88,7 @@ def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab
 
 
 @pytest.mark.long
-@settings(max_examples=5)
+@examples(2, 5)
 @given(st.integers(0, 1000))
 def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed: int) -> None:
     """An arm that rises under its load, as far as a fit to shifted rows can tell: springs cannot be negative."""
@@ -103,7 +104,7 @@ def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed:
 
 
 @pytest.mark.long
-@settings(max_examples=5)
+@examples(2, 5)
 @given(st.integers(0, 1000))
 def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, seed: int) -> None:
     """One parameter: two deviations are the limit. Of none: certain."""

@@ -38,14 +38,14 @@ def confirmed(patch: Patch, left_by_second: float) -> Any:
     first, second = scored("first", 0.5), scored("second")
 
     def diagnosis(*supported: Any) -> Any:
-        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES))
+        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES), simpler_alike=list)
 
     trials = {
         "first": confirm._Trial(None, Reason(ReasonKind.NEAR_ZERO)),
         "second": confirm._Trial(SimpleNamespace(squares=np.full(POSES, left_by_second))),  # type: ignore[arg-type]
     }
     patch.setattr(confirm, "held_out_squares", lambda _: np.ones(POSES))
-    patch.setattr(confirm, "_refit_trial", lambda _, one, __: trials[one.name])
+    patch.setattr(confirm, "_refit_trial", lambda _, one, *__: trials[one.name])
     patch.setattr(confirm, "select_without", lambda _, names: diagnosis(*([second] if "second" not in names else [])))
     return confirm.confirm(diagnosis(first, second), ("blocks",))  # type: ignore[arg-type]
 
@@ -60,6 +60,29 @@ def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
     found = confirmed(monkeypatch, 0.7)
     assert [one.name for one in found.supported] == ["second"]
     assert set(found.refused) == {"first"}
+
+
+def simplest(patch: Patch, left: float, small: float) -> tuple[str, str]:
+    """Which leads, the effect or a smaller member of its class, by what each leaves refitted, and whose refit it is."""
+    large, member = scored("large"), scored("small")
+    trials = {
+        name: confirm._Trial(SimpleNamespace(squares=np.full(POSES, rest), of=name))  # type: ignore[arg-type]
+        for name, rest in (("large", left), ("small", small))
+    }
+    patch.setattr(confirm, "_refit_trial", lambda _, one, *__: trials[one.name])
+    diagnosis: Any = SimpleNamespace(
+        supported=(large,),
+        simpler_alike=lambda: [member],
+        led_by=lambda other: SimpleNamespace(supported=(other,), simpler_alike=list),
+    )
+    led, trial = confirm._simplest(diagnosis, trials["large"], (), "")
+    refit: Any = trial.refit
+    return led.supported[0].name, refit.of
+
+
+def test_a_simpler_member_of_the_class_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> None:
+    assert simplest(monkeypatch, 0.5, 0.5) == ("small", "small")
+    assert simplest(monkeypatch, 0.5, 0.51) == ("large", "large")
 
 
 def fitted(at_bound: tuple[str, ...] = ()) -> Any:

@@ -57,7 +57,7 @@ def worse_as_deployed(z: float, patch: Patch) -> bool:
     fit = SimpleNamespace(model=None, equilibrium=SimpleNamespace(poses=None))
     refit: Any = SimpleNamespace(fit=fit, blocks=squares())
     cause: Any = SimpleNamespace(is_free_form=False)
-    return confirm._worse_as_deployed(cause, refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
+    return confirm._worse_as_deployed([cause], refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
 
 
 def parameters_near_zero(p_value: float, patch: Patch) -> bool:
@@ -295,7 +295,7 @@ def test_a_form_of_the_arm_that_leaves_the_deployed_error_is_refused(monkeypatch
 
     def refused(before: object, after: object) -> bool:
         refit: Any = SimpleNamespace(fit=fit, blocks=after)
-        return confirm._worse_as_deployed(form, refit, before) is not None  # type: ignore[arg-type]
+        return confirm._worse_as_deployed([form], refit, before) is not None  # type: ignore[arg-type]
 
     assert refused(fallen(0.01, 0.5), squares())
     assert not refused(squares(), fallen(0.01, 0.5))

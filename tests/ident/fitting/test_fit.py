@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
@@ -29,6 +29,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import ROOT
+from tests.support.sweep import examples
 from validation import synthetic
 
 LAB_FILE = ROOT / "config" / "arms" / "lrm-lab.toml"
@@ -62,7 +63,7 @@ def random_poses(seed: int, count: int = 150) -> Poses:
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@examples(4, 8)
 @given(st.integers(0, 1000))
 def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
     truth, poses = random_truth(lab, seed), random_poses(seed)

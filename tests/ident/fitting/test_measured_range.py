@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
@@ -33,6 +33,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, RangeTable, parameter_tables, range_table, to_model
+from tests.support.sweep import examples
 
 CURVE = "angle_curve@joint2"
 
@@ -105,7 +106,7 @@ def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> No
     assert sizes[1] < 5e-4
 
 
-@settings(max_examples=12, deadline=None)
+@examples(6, 12)
 @given(st.integers(0, 10**6), st.floats(1e-4, 0.03))
 def test_a_fit_ends_where_noise_and_penalties_follow_from_it(lab: Arm, seed: int, size: float) -> None:
     """Fixed point of the marginal likelihood, for waves of any size: weights change by what no longer matters, or are

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
@@ -24,6 +24,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import SHARED
+from tests.support.sweep import examples
 
 UR5_DATA = SHARED / "data" / "ur5"
 NOISE = 2e-4  # m per axis
@@ -76,6 +77,7 @@ def test_beta_is_there_where_axes_are_parallel_and_nowhere_else() -> None:
     assert sum(key.startswith("offsets") for key in nominal_model(load_arm("lrm-lab")).keys) == 38  # Table 4.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_twisted_parallel_axis_is_fitted_to_the_floor(axis: int) -> None:
     arm, rng = load_arm("so101"), np.random.default_rng(1)
@@ -97,7 +99,7 @@ def wrist_arm(target: float) -> Arm:
 
 
 @pytest.mark.slow
-@settings(max_examples=6, deadline=None)
+@examples(3, 6)
 @given(st.floats(0.0, 0.02), st.integers(0, 99))
 def test_a_target_near_the_last_axis_is_fitted_to_the_noise(distance: float, seed: int) -> None:
     drawn, rng = wrist_arm(distance), np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
@@ -32,6 +32,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
 from tests.conftest import EXAMPLE
 from tests.support.commands import part_of_example, stderr_of, stdout_of
+from tests.support.sweep import examples
 from validation import synthetic
 from validation.interval_coverage import all_with_prior, option_1
 
@@ -75,7 +76,7 @@ def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), sizes=st.floats(0.1, 3.0), count=st.integers(20, 60))
-@settings(max_examples=6)
+@examples(3, 6)
 def test_the_estimate_is_the_top_of_the_posterior(whole: Model, seed: int, sizes: float, count: int) -> None:
     data, prior = measured(seed, count), correlated(prior_of_typical_sizes(whole, sizes), seed)
     found = fit(whole, data, no_bounds(whole.free), prior=prior)
@@ -285,6 +286,7 @@ def test_patterns_that_fit_nothing_are_named(whole: Model) -> None:
         load_prior("nothing-like-it", whole)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", ["sd = 0.0", "sd = -1.0", "sd = nan", "width = 1.0"])
 def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
     path = tmp_path / "prior.toml"

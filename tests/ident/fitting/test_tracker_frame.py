@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -21,6 +21,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import measured_range, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, parameter_tables, range_table, to_model
+from tests.support.sweep import examples
 
 FRAMES = ("depth_scale@frame", "measurement_frame@frame", "frame_curve@frame")
 SCALE_X = "measurement_frame.frame.scale_x_mm_per_m"
@@ -35,7 +36,7 @@ def distorted(arm: Arm, name: str, seed: int) -> Model:
     return replace(plain.with_values(values), within=measured_range(solve_equilibrium(plain, poses)), free=plain.keys)
 
 
-@settings(max_examples=10)
+@examples(5, 10)
 @given(seed=st.integers(0, 1000))
 def test_scale_and_shear_leave_the_centre_of_the_measured_points_in_place(lab: Arm, seed: int) -> None:
     model = distorted(lab, "measurement_frame@frame", seed)
@@ -45,7 +46,7 @@ def test_scale_and_shear_leave_the_centre_of_the_measured_points_in_place(lab: A
     np.testing.assert_allclose(moved.mean(axis=0), 0.0, atol=1e-12)
 
 
-@settings(max_examples=10)
+@examples(5, 10)
 @given(scale=st.floats(-0.02, 0.02), azimuth=st.floats(-3.0, 3.0), elevation=st.floats(-1.5, 1.5))
 def test_depth_is_scaled_along_its_direction_and_nowhere_else(
     lab: Arm, scale: float, azimuth: float, elevation: float

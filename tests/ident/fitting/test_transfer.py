@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
@@ -26,6 +26,7 @@ from lrm_math.model.equilibrium import measured_range, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.session_state import StateAfterSession
 from lrm_math.model.uncertainty import expected_tip_error
+from tests.support.sweep import examples
 
 LAB, ROVER = load_arm("lrm-lab"), load_arm("lrm-rover")
 NOISE = 3e-4
@@ -67,7 +68,7 @@ def on_the_rover(start: TransferredModel, seed: int) -> Model:
 
 
 @given(st.integers(0, 2**31))
-@settings(max_examples=5)
+@examples(2, 5)
 def test_the_arms_part_goes_along_and_nothing_of_the_rig(seed: int) -> None:
     model, known = lab_model(seed, "backlash@joint2", "base_compliance", "base_curve")
     start = transferred(model, known, ROVER, NOISE)

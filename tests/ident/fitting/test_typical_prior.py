@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
@@ -25,6 +25,7 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import measured_range, solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.support.sweep import examples
 from validation import synthetic
 
 NOISE = 3e-4  # m
@@ -50,7 +51,7 @@ def seen_by(truth: Model, count: int, seed: int) -> Measurements:
 
 
 @pytest.mark.long
-@settings(max_examples=4, deadline=None)
+@examples(2, 4)
 @given(seed=st.integers(0, 500))
 def test_the_estimate_is_the_mode_of_gaussians_and_cauchy_distributions(lab: Arm, seed: int) -> None:
     """Central differences of the posterior itself, in standard errors, with the tails that reweighting stands for."""

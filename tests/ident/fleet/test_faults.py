@@ -94,6 +94,7 @@ def assert_whole(out: Path) -> None:
     assert len((out / "fleet.csv").read_text().splitlines()) == ARMS + 1
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_a_scheduler_that_is_killed_and_started_again(few: Path, tmp_path: Path, cluster: Cluster) -> None:

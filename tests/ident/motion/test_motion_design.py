@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.measuring.campaign.move_player import play, played_csv, sequence_of
@@ -24,6 +24,7 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.reading import AS_NAMED
 from lrm_math.motion.motion_model import MotionModel, effect_of
+from tests.support.sweep import examples
 
 SO101, ROVER = load_arm("so101"), load_arm("lrm-rover")
 NOISE = float(np.radians(0.045))
@@ -92,7 +93,7 @@ def test_refuses_to_be_faster_than_the_ramp() -> None:
         _ = MotionDesignTask(MotionModel.nominal(ROVER), (), 12, 1e-3, True, speed=1.0).speeds
 
 
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 @given(st.integers(0, 10_000))
 def test_more_moves_never_tell_less(seed: int) -> None:
     """λ of any pair grows with every move: Gram matrices of random columns."""
@@ -172,6 +173,7 @@ def arm_of(follower: Follower, speed: float = 30.0) -> ServoArm:
     return ServoArm(follower, SO101, follower.clock, lambda _: None, float(np.radians(speed)))  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("busy", "every"), [(0.0, 1), (0.05, 1), (0.02, 5), (0.3, 5)])
 def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: Path, busy: float, every: int) -> None:
     path = tmp_path / "moves.csv"

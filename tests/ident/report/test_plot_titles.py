@@ -9,6 +9,7 @@ from lrm_ident.report.plots.style import finish
 LONG = "Anatomy: a free function of the angle of joint 1 and the angle of joint 5 at joint 5, or of the base beside it"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "panels"), [(13.0, 2), (19.0, 3)])
 def test_a_long_title_is_broken_and_stays_within_the_figure(width: float, panels: int) -> None:
     plt = pytest.importorskip("matplotlib.pyplot")

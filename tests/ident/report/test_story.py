@@ -63,7 +63,7 @@ def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file:
     )
     assert story.sentence.replace("30.00", "30.0") == fall
     assert [one.title for one in story.steps[:2]] == ["nominal", GEOMETRY]
-    assert [(one.before_mm, one.left_mm) for one in story.steps[1:]] == [(30.0, 4.8), (4.8, 2.6), (2.6, 1.9)]
+    assert [(one.before_rms_mm, one.rms_mm) for one in story.steps[1:]] == [(30.0, 4.8), (4.8, 2.6), (2.6, 1.9)]
     assert dict(story.facts).keys() == {"nested", "measurement noise"}, "as deployed it is the same, and said once"
     assert dict(
         told(file_of(*file.history[:2], step("add mass@link5", 1.7, 1.9, deployed_rms_mm=2.2))).facts
@@ -77,14 +77,14 @@ def test_the_file_keeps_it_and_undo_forgets_what_is_no_longer_so(file: ModelFile
     assert read_toml(path, ModelFile) == file
     before = told(undo_step(file))
     assert [one.kind for one in before.steps] == ["nominal", "fit", "effect"]
-    assert before.nested_mm is None
+    assert before.nested_rms_mm is None
 
 
 def test_errors_of_the_fit_where_some_are_not_held_out(file: ModelFile) -> None:
     first, *rest = file.history
     story = told(file_of(first, *rest, step("add mass@link5", 1.5, None)))
     assert not story.held_out
-    assert [one.left_mm for one in story.steps[1:]] == [4.6, 2.4, 1.7, 1.5]
+    assert [one.rms_mm for one in story.steps[1:]] == [4.6, 2.4, 1.7, 1.5]
     assert story_of_file(file_of(step("fit", 4.6, 4.8))) is None, "an older file does not know the nominal arm's error"
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds
 from lrm_ident.residual.error_breakdown import compare
-from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel, log_marginal_likelihood
+from lrm_ident.residual.gaussian_process import FactoredKernel, Kernel, condition, fit_kernel, log_marginal_likelihood
 from lrm_ident.residual.predictability import (
     HeldOutBlock,
     PredictableError,
@@ -29,6 +29,7 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from tests.support.sweep import examples
 
 NOISE = 0.3e-3
 
@@ -63,7 +64,7 @@ def reach(data: Measurements) -> Array:
     return np.stack([out * np.cos(q[:, 0]), out * np.sin(q[:, 0]), up], axis=1)
 
 
-@settings(max_examples=5)
+@examples(2, 5)
 @given(st.integers(0, 2**16))
 def test_no_block_learns_from_another(seed: int) -> None:
     """The kernel of a block must not come from one that saw its poses: their order changes nothing."""
@@ -73,7 +74,7 @@ def test_no_block_learns_from_another(seed: int) -> None:
     np.testing.assert_array_equal(predictable_error(data, blocks).after, predictable_error(data, blocks[::-1]).after)
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
 def test_gradient_of_the_marginal_likelihood(seed: int, inputs: int) -> None:
     rng = np.random.default_rng(seed)
@@ -85,7 +86,7 @@ def test_gradient_of_the_marginal_likelihood(seed: int, inputs: int) -> None:
         assert (sides[0] - sides[1]) / 2e-6 == pytest.approx(gradient[i], rel=1e-4, abs=1e-5)
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
 def test_average_information_of_the_marginal_likelihood(seed: int, inputs: int) -> None:
     """Oracle: ½ yᵀ K⁻¹ ∂K K⁻¹ ∂K K⁻¹ y by plain inversion, ∂K by central differences."""
@@ -104,18 +105,18 @@ def test_average_information_of_the_marginal_likelihood(seed: int, inputs: int) 
     np.testing.assert_allclose(found, 0.5 * moved @ inverse @ moved.T, rtol=1e-4, atol=1e-6)
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.integers(0, 2**32 - 1))
 def test_a_search_never_makes_a_kernel_less_likely(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = rng.normal(size=(40, 3))
     y = np.sin(rng.normal(size=3) @ x.T) + rng.uniform(0.05, 1.0) * rng.normal(size=40)
     start = Kernel(np.exp(rng.uniform(-1.0, 1.0, 3)), 1.0, 0.5)
-    found = fit_kernel(x, y, start)
+    found = fit_kernel(FactoredKernel.of(start, x), y)
     assert log_marginal_likelihood(found, x, y).value >= log_marginal_likelihood(start, x, y).value
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.integers(0, 2**32 - 1))
 def test_conditioning_is_that_of_a_joint_normal_distribution(seed: int) -> None:
     """Oracle: mean and covariance of a partitioned normal vector, by plain inversion."""
@@ -138,7 +139,7 @@ def test_a_search_finds_the_input_that_matters_and_the_noise() -> None:
     rng = np.random.default_rng(4)
     x = rng.uniform(-1.7, 1.7, (200, 3))
     y = np.sin(2.0 * x[:, 1]) + 0.2 * rng.normal(size=200)
-    kernel = fit_kernel(x, y, Kernel.start(3))
+    kernel = fit_kernel(FactoredKernel.of(Kernel.start(3), x), y)
     assert kernel.noise == pytest.approx(0.2, rel=0.2)
     assert kernel.lengths[1] < 0.3 * min(kernel.lengths[0], kernel.lengths[2])
 
@@ -170,7 +171,7 @@ def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named()
 
 
 @pytest.mark.long
-@settings(max_examples=5)
+@examples(2, 5)
 @given(st.integers(0, 10_000), st.integers(0, 3))
 def test_a_law_of_the_direction_of_approach_is_predicted_and_is_named(seed: int, joint: int) -> None:
     data = poses_of(seed)
@@ -216,7 +217,7 @@ def test_no_regime_in_noise() -> None:
 
 @pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=10)
+@examples(5, 10)
 def test_studentised_squares_of_noise_do_not_depend_on_leverage(seed: int) -> None:
     rng = np.random.default_rng(seed)
     columns = rng.normal(size=(90, 6)) * np.linspace(0.1, 3.0, 90)[:, None]
@@ -256,7 +257,7 @@ def test_p_values_of_poses_drawn_at_random_are_no_smaller_than_they_say(
 
 
 @given(count=st.integers(30, 200), few=st.integers(8, 14), start=st.floats(0, 1), seed=st.integers(0, 99))
-@settings(max_examples=50, deadline=None)
+@examples(25, 50)
 def test_an_interval_of_chosen_poses_is_found_whatever_the_scale(count: int, few: int, start: float, seed: int) -> None:
     values = np.random.default_rng(seed).permutation(count) * 1.0
     first = int(start * (count - few))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
@@ -20,7 +20,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
-from tests.support.sweep import seeds
+from tests.support.sweep import examples, seeds
 
 pytestmark = pytest.mark.long
 
@@ -57,7 +57,7 @@ def _rms(error: Array) -> float:
     return error_stats(error).rms
 
 
-@settings(max_examples=5)
+@examples(2, 20)
 @given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
 def test_a_field_is_added_where_it_predicts_better_and_nowhere_else(seed: int, size: float) -> None:
     """Added, it does not predict new poses worse; where it takes a third of the error, it is seen to predict better.
@@ -69,6 +69,6 @@ def test_a_field_is_added_where_it_predicts_better_and_nowhere_else(seed: int, s
     assert "not surely predict better" not in refused or with_one > without / 1.5
 
 
-@pytest.mark.parametrize("seed", seeds(2, 4))
+@pytest.mark.parametrize("seed", seeds(1, 4))
 def test_where_nothing_is_left_none_is_added(seed: int) -> None:
     assert "not surely predict better" in errors(seed, 0.0)[0]

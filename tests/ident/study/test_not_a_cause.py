@@ -69,6 +69,7 @@ def test_the_report_and_its_card_say_it(study: Study) -> None:
     assert card.estimates == (), "no coefficient means anything alone"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["arm.urdf", "arm.xml"])
 def test_exports_list_it_as_no_cause(file: Path, tmp_path: Path, name: str) -> None:
     out = " ".join(stdout_of("arm", "export", file, "-o", tmp_path / name).split())

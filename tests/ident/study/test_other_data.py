@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import lrm_ident as lrm
@@ -28,6 +28,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import HistoryTable, ModelFile, ProvenanceTable, parameter_tables
 from tests.support.commands import run_command, stdout_of
+from tests.support.sweep import examples
 
 pytestmark = pytest.mark.long
 
@@ -82,7 +83,7 @@ def saved(data: Measurements, folder: Path) -> Path:
 IN_ORDER = measured(range(1, COUNT + 1), 0.0, 1)
 
 
-@settings(max_examples=12, deadline=None)
+@examples(6, 12)
 @given(
     names=st.lists(st.sampled_from(OF_A_SESSION), min_size=1, max_size=4, unique=True),
     first=st.integers(1, 10_000),
@@ -113,7 +114,7 @@ def test_numbers_and_times_of_other_data_do_not_matter(
         np.testing.assert_allclose(told, right, atol=1e-12)
 
 
-@settings(max_examples=10, deadline=None)
+@examples(5, 10)
 @given(names=st.lists(st.sampled_from(OF_A_SESSION), min_size=1, max_size=3, unique=True), more=st.booleans())
 def test_on_its_own_data_the_model_is_whole(names: list[str], more: bool) -> None:
     """Also where rows were added to the file, and on any part of it, as a cross-validation takes."""

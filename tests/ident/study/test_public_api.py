@@ -102,6 +102,7 @@ def test_a_notebook_shows_what_a_step_left_out_below_the_steps() -> None:
     assert "<p>outliers, left out: pose 7</p>" in study._repr_html_()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("columns", "word"),
     [

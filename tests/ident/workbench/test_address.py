@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 from lrm_ident.workbench import application
-from lrm_ident.workbench.address import HOST, LOOK_S, new_place
+from lrm_ident.workbench.address import HOST, LOOK_S, last_session, new_place, note_session
+from lrm_ident.workbench.work.tasks import OpenFiles
 from tests.support.browser import workbench
 from tests.support.commands import part_of_example
 
@@ -29,6 +30,20 @@ def test_waits_for_the_server_to_listen(monkeypatch: pytest.MonkeyPatch, tmp_pat
         server.close()
 
     asyncio.run(asyncio.wait_for(run(), 60.0))
+
+
+def test_the_last_session_of_the_same_measurements_is_offered(tmp_path: Path) -> None:
+    data, other, first = tmp_path / "data.csv", tmp_path / "other.csv", tmp_path / "state" / "1"
+    first.mkdir(parents=True)
+    files = OpenFiles(first / "step-1.toml", data)
+    note_session(first, files)
+    for path in (data, other):
+        path.touch()
+    assert last_session(first.with_name("2"), data) is None, "its model is gone"
+    files.model.touch()
+    assert last_session(first.with_name("2"), data) == last_session(first.with_name("2"), None) == files
+    assert last_session(first.with_name("2"), other) is None, "a session of other measurements"
+    assert last_session(first, data) is None, "its own"
 
 
 @pytest.mark.slow

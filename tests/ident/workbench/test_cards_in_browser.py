@@ -9,28 +9,26 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
+from lrm_ident.report.model_report import quick_report, with_diagnosis
+from lrm_ident.workbench.html_report import html_report
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 from validation import synthetic
 
-STEPS = ("backlash@joint2", "eccentricity@joint5")
-
 
 @pytest.fixture(scope="module")
-def stepped(example_study: lrm.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model file with two steps after the fit."""
-    study, path = example_study, tmp_path_factory.mktemp("stepped") / "2.toml"
-    for effect in STEPS:
-        study = study.add(effect)
-    study.save(path)
-    return path
+def stepped(better_study: lrm.Study) -> lrm.Study:
+    """Two steps after the fit."""
+    return better_study.add("eccentricity@joint5")
 
 
-def cards(browser: Any, model: Path, text: str) -> list[str]:
+def cards(browser: Any, model: Path, text: str, diagnosis: lrm.DiagnosisReport) -> list[str]:
     """The words of the cards in the report of a model with this text, and of the line at their end."""
     model.write_text(text, encoding="utf-8")
     page, report = browser.new_page(), model.with_suffix(".html")
-    stdout_of("report", model, EXAMPLE, "-o", report)
+    report.write_text(
+        html_report(with_diagnosis(quick_report(lrm.read_study(model, EXAMPLE)), diagnosis)), encoding="utf-8"
+    )
     page.goto(report.as_uri())
     page.wait_for_selector("#lrm-cards article")
     where = page.evaluate("lrm.state.values.where")
@@ -43,19 +41,21 @@ def cards(browser: Any, model: Path, text: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: Path, tmp_path: Path) -> None:
-    text, model = stepped.read_text(encoding="utf-8"), tmp_path / "m.toml"
-    first, second = cards(browser, model, text)
+def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: lrm.Study, tmp_path: Path) -> None:
+    model, found = tmp_path / "m.toml", stepped.diagnose()
+    stepped.save(model)
+    text = model.read_text(encoding="utf-8")
+    first, second = cards(browser, model, text, found)
     assert "torque_curve@joint2): alone it would have left 0.5" in first
     assert "a smooth curve (spline), with more parameters" in first
     assert "alone it would have left" in second
 
     rivals = r"\[history\.rivals_mm\]\n(\".*\n)+"
-    far, _ = cards(browser, model, re.sub(rivals, '[history.rivals_mm]\n"compliance@joint1" = 2.5\n', text))
+    far, _ = cards(browser, model, re.sub(rivals, '[history.rivals_mm]\n"compliance@joint1" = 2.5\n', text), found)
     assert "No other effect explained it as well." in far
     assert "(compliance@joint1): alone it would have left 2.50 mm" in far
 
-    first, second = cards(browser, model, re.sub(rivals, "", text))
+    first, second = cards(browser, model, re.sub(rivals, "", text), found)
     assert "undo these steps (lrm-ident undo 2 times) and diagnose the model before it" in first
     assert "undo this step (lrm-ident undo) and diagnose the model before it" in second
 

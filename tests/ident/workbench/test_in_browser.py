@@ -50,11 +50,16 @@ def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 @pytest.fixture(scope="module")
-def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
-    """One of its own, in which a test leaves a step."""
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A part of the shipped data set, in a folder of its own."""
+    return part_of_example(tmp_path_factory.mktemp("own"))
+
+
+@pytest.fixture(scope="module")
+def small(browser: Any, part: Path) -> Iterator[RunningWorkbench]:
+    """A workbench on the part, in which a test leaves a step, and the last one stops it."""
     assert browser
-    folder = tmp_path_factory.mktemp("own")
-    with workbench(part_of_example(folder), cwd=folder) as found:
+    with workbench(part, cwd=part.parent) as found:
         yield found
 
 
@@ -142,19 +147,18 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
 
 
 @pytest.mark.slow
-def test_same_numbers_everywhere(browser: Any, tmp_path: Path) -> None:
+def test_same_numbers_everywhere(browser: Any, small: RunningWorkbench, part: Path, tmp_path: Path) -> None:
     """Numbers of the first fit: the page, the report, the JSON files and the printed tables."""
-    data = part_of_example(tmp_path)
-    with workbench(data, cwd=tmp_path) as running:
-        page = opened(browser, running, SMALL_SIZE)
-        wait_for(page, RANKED)
-        wait_for(page, "document.querySelector('.lrm-numbers').textContent.includes('Not testable')")
-        unfold(page)
-        on_page = page.inner_text(".lrm-numbers")
-        ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
-        page.context.close()
-        model = tmp_path / "model.toml"
-        model.write_bytes((running.folder / "step-0.toml").read_bytes())
+    data = part
+    page = opened(browser, small, SMALL_SIZE)
+    wait_for(page, RANKED)
+    wait_for(page, "document.querySelector('.lrm-numbers').textContent.includes('Not testable')")
+    unfold(page)
+    on_page = page.inner_text(".lrm-numbers")
+    ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
+    page.context.close()
+    model = tmp_path / "model.toml"
+    model.write_bytes((small.folder / "step-0.toml").read_bytes())
     files = {name: tmp_path / f"{name}.json" for name in ("compare", "diagnose", "report")}
     printed = stdout_of("compare", model, data, "--json", files["compare"], "--all")
     printed += stdout_of("diagnose", model, data, "--json", files["diagnose"], "--all")
@@ -248,22 +252,23 @@ def test_a_wrong_token_and_a_foreign_page_are_refused(
 
 
 @pytest.mark.slow
-def test_a_growing_file_is_followed_and_a_stopped_server_is_told(browser: Any, tmp_path: Path) -> None:
+def test_a_growing_file_is_followed_and_a_stopped_server_is_told(
+    browser: Any, small: RunningWorkbench, tmp_path: Path
+) -> None:
     lines = EXAMPLE.read_text().splitlines(keepends=True)
     growing = tmp_path / "growing.csv"
     growing.write_text("".join(lines[:41]))
     growing.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
-    with workbench(part_of_example(tmp_path), cwd=tmp_path) as stopped:
-        page = opened(browser, stopped, SMALL_SIZE)
-        press(page, "live…")
-        page.get_by_label("Follow the file").fill(str(growing))
-        page.get_by_role("button", name="Follow the file").click()
-        wait_for(page, "lrm.state.values.poses === 40")
-        with growing.open("a") as file:
-            file.write("".join(lines[41:61]) + lines[61][:20])
-        wait_for(page, "lrm.state.values.poses === 60")
-        stopped.stop()
-        wait_for(page, "!document.getElementById('lrm-banner').hidden")
-        assert str(stopped.folder) in page.inner_text("#lrm-banner")
-        shot(page, "stopped.png")
-        page.context.close()
+    page = opened(browser, small, SMALL_SIZE)
+    press(page, "live…")
+    page.get_by_label("Follow the file").fill(str(growing))
+    page.get_by_role("button", name="Follow the file").click()
+    wait_for(page, "lrm.state.values.poses === 40")
+    with growing.open("a") as file:
+        file.write("".join(lines[41:61]) + lines[61][:20])
+    wait_for(page, "lrm.state.values.poses === 60")
+    small.stop()
+    wait_for(page, "!document.getElementById('lrm-banner').hidden")
+    assert str(small.folder) in page.inner_text("#lrm-banner")
+    shot(page, "stopped.png")
+    page.context.close()

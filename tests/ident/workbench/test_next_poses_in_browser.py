@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from lrm_ident.workbench.work.next_poses import rival_pairs
-from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for, workbench
-from tests.support.commands import part_of_example, stdout_of
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for
+from tests.support.commands import stdout_of
 
 SIZE = {"width": 1280, "height": 800}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -45,21 +45,22 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
 
 
 @pytest.mark.slow
-def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: Any, tmp_path: Path) -> None:
-    """A model file that was broken from outside."""
-    data = part_of_example(tmp_path)
-    with workbench(data, cwd=tmp_path) as running:
-        page = opened(browser, running, SIZE)
-        idle(page, RANKED)
-        model = running.folder / "step-0.toml"
+def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: Any, small: RunningWorkbench) -> None:
+    """Model files that were broken from outside."""
+    page = opened(browser, small, SIZE)
+    idle(page, RANKED)
+    whole = {model: model.read_bytes() for model in small.folder.glob("step-*.toml")}
+    for model in whole:
         model.write_text("schema = 'broken'")
-        press(page, "next poses")
-        page.wait_for_selector("#lrm-next-poses [role=alert]")
-        assert data.name in page.inner_text("#lrm-next-poses")
-        assert "schema" in page.inner_text("#lrm-next-poses [role=alert]")
-        shot(page, "next-poses-refused.png")
-        assert not page.get_by_role("button", name="Download CSV").count()
-        page.context.close()
+    press(page, "next poses")
+    page.wait_for_selector("#lrm-next-poses [role=alert]")
+    assert "part.csv" in page.inner_text("#lrm-next-poses")
+    assert "schema" in page.inner_text("#lrm-next-poses [role=alert]")
+    shot(page, "next-poses-refused.png")
+    assert not page.get_by_role("button", name="Download CSV").count()
+    page.context.close()
+    for model, content in whole.items():
+        model.write_bytes(content)
 
 
 def advice(effect: str, verdict: str, *rivals: str) -> dict[str, object]:

@@ -76,7 +76,7 @@ def test_all_poses_are_drawn_where_they_are_few() -> None:
 
 
 @pytest.mark.slow
-def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> None:
+def test_views_scrubber_filter_and_links_that_are_solids(browser: Any, small: RunningWorkbench) -> None:
     seen = BrowserLog()
     page = opened(browser, small, SIZE, seen)
     idle(page, RANKED)
@@ -111,21 +111,18 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
     page.select_option("#lrm-filter", "")
     assert len(page.evaluate(SEEN)) == FEW
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    links_are_solids_before_what_is_behind_them(page)
     page.context.close()
     assert not seen.errors, seen.errors
 
 
-@pytest.mark.slow
-def test_links_are_solids_before_what_is_behind_them(browser: Any, small: RunningWorkbench) -> None:
-    page = opened(browser, small, SIZE)
-    unfold(page)
+def links_are_solids_before_what_is_behind_them(page: Any) -> None:
     assert page.evaluate(BEFORE_AND_BEHIND) == ["before", "at the edge", "under the end", "over the end"]
     for view in ("top", "side", "oblique"):
         page.get_by_role("button", name=f"view from: {view}").click()
         page.wait_for_timeout(200)
         blue, largest, together = page.evaluate(BLUE)
         assert 0.5 * largest < blue < together, view
-    page.context.close()
 
 
 @pytest.mark.slow

@@ -80,7 +80,9 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSession, tmp_path: Path) -> None:
+def test_nothing_is_lost_by_a_bad_file_or_when_work_is_cancelled_or_dies(
+    session: WorkbenchSession, tmp_path: Path
+) -> None:
     session.open(OpenTask(part_of_example(tmp_path), None))
     until(session, lambda: isinstance(session.worker.task, DiagnoseTask))
     session.auto()
@@ -92,19 +94,11 @@ def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSessio
     until(session, lambda: "ended from outside" in session.failure)
     assert len(session.taken.steps) == 1
     session.diagnose()
-    until(session, lambda: diagnosed(session))
-
-
-@pytest.mark.slow
-def test_a_bad_file_is_told_of_and_the_work_goes_on(session: WorkbenchSession, tmp_path: Path) -> None:
-    session.open(OpenTask(part_of_example(tmp_path), None))
-    until(session, lambda: len(session.taken.steps) == 1)
     bad = tmp_path / "bad.csv"
     bad.write_text("pose,q1_deg\n1,nonsense\n")
     bad.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\narm = "lrm-lab"\n')
     session.open(OpenTask(bad, None))
-    until(session, lambda: bool(session.failure))
-    assert "bad.csv" in session.failure
+    until(session, lambda: "bad.csv" in session.failure)
     until(session, lambda: diagnosed(session))
     assert "bad.csv" in session.failure
     assert len(session.taken.steps) == 1

@@ -16,7 +16,7 @@ DATA = Path("data.csv")
 
 def step(number: int, before: str | None) -> StepResult:
     """A step whose model is its number."""
-    view = StepView("", "hash", "", True, "{}", "", str(number), before)
+    view = StepView("", "hash", True, "{}", "", str(number), before)
     return StepResult(OpenFiles(Path(f"step-{number}.toml"), DATA), view, b"")
 
 

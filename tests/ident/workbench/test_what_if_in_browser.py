@@ -25,7 +25,9 @@ def moved_to(page: Any, size: float) -> float:
 
 
 @pytest.mark.slow
-def test_the_size_of_an_effect_moves_arrows_and_rms_before_any_refit(browser: Any, small: RunningWorkbench) -> None:
+def test_an_effect_is_explained_and_its_size_moves_arrows_and_rms_before_any_refit(
+    browser: Any, small: RunningWorkbench
+) -> None:
     seen = BrowserLog()
     page = opened(browser, small, SIZE, seen)
     idle(page, RANKED)
@@ -43,17 +45,12 @@ def test_the_size_of_an_effect_moves_arrows_and_rms_before_any_refit(browser: An
     added = page.evaluate("lrm.state.values.ranking.find((one) => one.name === lrm.state.candidate).added")
     assert arrows[3] == pytest.approx([r - a for r, a in zip(measured[3], added[3], strict=True)])
     shot(page, "what-if.png")
+    page.click(".lrm-explain summary")
+    assert "shaft" in page.inner_text(".lrm-explain") or "gear" in page.inner_text(".lrm-explain").lower()
     other = page.evaluate("lrm.state.values.ranking[1].name")
     page.click(f"#lrm-ranking [data-name='{other}']")
     assert page.evaluate("lrm.state.size") == 0
     assert page.evaluate("lrm.scenes.field.content.residual") == measured
     assert page.evaluate("lrm.scenes.field.content.title").startswith("geometry and springs: RMS")
+    page.context.close()
     assert not seen.errors
-
-
-@pytest.mark.slow
-def test_every_candidate_explains_its_cause(browser: Any, small: RunningWorkbench) -> None:
-    page = opened(browser, small, SIZE)
-    idle(page, RANKED)
-    page.click(".lrm-explain summary")
-    assert "shaft" in page.inner_text(".lrm-explain") or "gear" in page.inner_text(".lrm-explain").lower()

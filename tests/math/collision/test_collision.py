@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
@@ -37,6 +37,7 @@ from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.math.kinematics.test_chain import link_matrices, turn
 from tests.support.random_arms import random_arm, with_followers
+from tests.support.sweep import examples
 
 coordinates = st.floats(-2.0, 2.0, allow_subnormal=False).map(lambda x: round(x, 4))
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
@@ -194,7 +195,7 @@ def test_parallel_segments_by_hand() -> None:
         assert float(segment_to_segment(a, b, np.array(start), np.array(end))) == pytest.approx(expected, abs=1e-12)
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(shaped_arms, seeds)
 def test_distances_against_coal(arm: Arm, seed: int) -> None:
     """Distance of every pair that does not overlap, against the collision library of pinocchio."""
@@ -225,7 +226,7 @@ def test_distances_against_coal(arm: Arm, seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(shaped_arms, seeds)
 def test_clearance_is_the_least_distance_of_checked_pairs(arm: Arm, seed: int) -> None:
     q = np.random.default_rng(seed).uniform(-2, 2, (2, arm.dof))
@@ -360,7 +361,7 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
 
 
 @pytest.mark.long
-@settings(max_examples=15)
+@examples(7, 15)
 @given(shaped_arms, seeds, st.integers(2, 12), st.sampled_from([0.02, 0.3, 1.5]))
 def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, count: int, step: float) -> None:
     scene, rng = Scene.of(arm), np.random.default_rng(seed)
@@ -380,7 +381,7 @@ def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, coun
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(shaped_arms, seeds, st.sampled_from([0.0, 0.005, 0.03]))
 def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: float) -> None:
     scene = Scene.of(arm)
@@ -402,7 +403,7 @@ def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: floa
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(shaped_arms, seeds, st.floats(-0.02, 0.02))
 def test_a_way_that_is_found_free_comes_no_nearer_than_its_start_anywhere(arm: Arm, seed: int, scale: float) -> None:
     """Down to nanometres, from any start, overlaps included; and one that only leaves is found free."""
@@ -423,7 +424,7 @@ def test_a_way_that_is_found_free_comes_no_nearer_than_its_start_anywhere(arm: A
             assert least < keep + 1e-5
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.floats(-1.2, 1.2), st.floats(0.1, 0.9))
 def test_thin_obstacles_are_detected(lab: Arm, where: float, height: float) -> None:
     """An obstacle of 0.1 mm on the path of a thin capsule, which sampling would miss."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm_file import load_arm
@@ -15,6 +15,7 @@ from lrm_math.arrays import Array
 from lrm_math.collision.height_grid import FAR, HeightGrid
 from lrm_math.collision.scene import Scene
 from lrm_math.errors import LrmError
+from tests.support.sweep import examples
 
 seeds = st.integers(0, 10_000)
 DENSE = 401
@@ -58,7 +59,7 @@ def gaps(grid: HeightGrid, points: Array) -> tuple[Array, Array]:
 
 @pytest.mark.long
 @given(seeds)
-@settings(max_examples=40, deadline=None)
+@examples(20, 40)
 def test_the_distance_is_that_of_the_nearest_point_and_column(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = random_grid(rng, 12)
@@ -73,7 +74,7 @@ def test_the_distance_is_that_of_the_nearest_point_and_column(seed: int) -> None
 
 @pytest.mark.long
 @given(seeds)
-@settings(max_examples=40, deadline=None)
+@examples(20, 40)
 def test_the_depth_is_no_more_than_the_way_out_and_more_than_nothing_inside(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = random_grid(rng, 30)
@@ -85,7 +86,7 @@ def test_the_depth_is_no_more_than_the_way_out_and_more_than_nothing_inside(seed
 
 
 @given(seeds)
-@settings(max_examples=30, deadline=None)
+@examples(15, 30)
 def test_distance_and_depth_change_no_faster_than_the_segment_moves(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = random_grid(rng)

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -19,7 +19,7 @@ from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError
 from tests.math.collision.test_collision import check_move, sampled_distance
 from tests.math.kinematics.test_chain import link_matrices
-from tests.support.sweep import soak
+from tests.support.sweep import examples, soak
 
 START, GOAL = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
 
@@ -115,7 +115,7 @@ def test_the_same_seed_gives_the_same_path(blocked: Arm) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
+@examples(6, 12)
 @given(st.integers(0, 10_000), st.sampled_from(["lab", "rover"]))
 def test_any_two_free_poses_of_the_shipped_arms(lab: Arm, rover: Arm, seed: int, name: str) -> None:
     arm = {"lab": lab, "rover": rover}[name]
@@ -169,6 +169,7 @@ def test_start_or_goal_beyond_a_limit(lab: Arm) -> None:
         assert "joint 4" in str(path)
 
 
+@pytest.mark.long
 def test_a_goal_behind_a_wall_is_not_found_after_so_many_samples(blocked: Arm) -> None:
     """Only joint 1 may turn, and the post blocks it."""
     limits = np.array([START - 1e-3, GOAL + 1e-3])

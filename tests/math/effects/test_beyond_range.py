@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -23,6 +23,7 @@ from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.effect_binding import distortion
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from tests.support.sweep import examples
 
 LAB = load_arm("lrm-lab")
 COUNT = 200
@@ -65,7 +66,7 @@ def every_place(kind: type[Effect]) -> list[Effect]:
 
 
 @pytest.mark.parametrize("kind", by_class[Extrapolation.HELD], ids=lambda kind: kind.id)
-@settings(max_examples=15, deadline=None)
+@examples(7, 15)
 @given(seed=st.integers(0, 10_000))
 def test_a_held_form_is_at_twice_its_range_what_it_is_at_the_edge(kind: type[Effect], seed: int) -> None:
     for effect in every_place(kind):
@@ -77,7 +78,7 @@ def test_a_held_form_is_at_twice_its_range_what_it_is_at_the_edge(kind: type[Eff
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", by_class[Extrapolation.PROPORTIONAL], ids=lambda kind: kind.id)
-@settings(max_examples=15, deadline=None)
+@examples(7, 15)
 @given(seed=st.integers(0, 10_000))
 def test_a_law_grows_no_faster_than_in_proportion(kind: type[Effect], seed: int) -> None:
     """Each of its parameters is taken by itself."""
@@ -155,7 +156,7 @@ def test_derivatives_beyond_the_range(lab: Arm, name: str) -> None:
         np.testing.assert_allclose(by_p[:, :, k], (up - down) / (2e-4 * parameter.typical), atol=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(12, 25)
 @given(seed=st.integers(0, 10_000))
 def test_a_distorted_space_stays_beyond_what_was_measured_as_at_its_edge(seed: int) -> None:
     rng = np.random.default_rng(seed)

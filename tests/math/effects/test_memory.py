@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -20,6 +20,7 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
 from lrm_math.model.model import model_of
+from tests.support.sweep import examples
 
 COUNT = 30
 K, T, SOUND = 0.05, 60.0, 1e-12
@@ -122,7 +123,7 @@ def test_without_times_poses_follow_in_equal_steps_and_a_missing_number_takes_on
 @pytest.mark.parametrize(
     "name", ["creep@joint2", "creep@base", "creep_spectrum@joint3", "self_heating@joint3", "slip@joint2"]
 )
-@settings(max_examples=10, deadline=None)
+@examples(5, 10)
 @given(seed=st.integers(0, 1000))
 def test_derivatives_are_those_of_the_amounts(lab: Arm, name: str, seed: int) -> None:
     [effect], rng, poses = effects_at(lab, name), np.random.default_rng(seed), some_poses(lab, seed)
@@ -189,7 +190,7 @@ def test_the_way_to_the_first_pose_counts_where_it_is_known(lab: Arm, side: floa
     assert of.visits.sides(1).tolist() == [side, 1.0]
 
 
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 @given(seed=st.integers(0, 1000))
 def test_a_slip_never_passes_its_bound_and_moves_at_reversals_only(lab: Arm, seed: int) -> None:
     poses = some_poses(lab, seed)

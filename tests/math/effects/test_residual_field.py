@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm_file import load_arm
@@ -24,6 +24,7 @@ from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, as_tables, load_model, parameter_tables, range_table
+from tests.support.sweep import examples
 
 LAB = load_arm("lrm-lab")
 FIELD = ResidualField(LAB, "tool")
@@ -60,7 +61,7 @@ class Learned:
 
 
 @given(seed=st.integers(0, 2**32 - 1), joint=st.integers(0, LAB.dof - 1), side=st.sampled_from([-1, 1]))
-@settings(max_examples=40, deadline=None)
+@examples(20, 40)
 def test_it_is_zero_far_beyond_its_data(seed: int, joint: int, side: int) -> None:
     """Six widths of the way beyond the range of any joint nothing is left; further out neither."""
     field = Learned(seed)
@@ -72,7 +73,7 @@ def test_it_is_zero_far_beyond_its_data(seed: int, joint: int, side: int) -> Non
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 def test_nowhere_does_it_jump(seed: int) -> None:
     """Along a straight line in and out of the range its steps shrink with the line's."""
     field = Learned(seed)
@@ -83,7 +84,7 @@ def test_nowhere_does_it_jump(seed: int) -> None:
 
 @pytest.mark.long
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 def test_amounts_are_the_basis_times_the_coefficients(seed: int) -> None:
     field = Learned(seed)
     poses = poses_of(field.rng.uniform(-2.0, 2.0, (5, LAB.dof)))
@@ -123,7 +124,7 @@ def test_derivatives_of_the_tcp_through_the_equilibrium() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=5, deadline=None)
+@examples(2, 5)
 def test_a_model_read_from_its_file_predicts_the_same(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
     field = Learned(seed)
     model, path = field.model, Path(tmp_path_factory.mktemp("model") / "model.toml")

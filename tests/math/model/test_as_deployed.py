@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.study.model_history import as_written
@@ -21,6 +21,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import DeployedTable, ModelFile, to_model
 from lrm_math.model.state_after_session import state_after_session
+from tests.support.sweep import examples
 
 LAB = load_arm("lrm-lab")
 COUNT = 24
@@ -48,7 +49,7 @@ def fitted(model: Model, poses: Poses) -> Model:
 
 @pytest.mark.long
 @given(st.sampled_from(["joint1", "joint3", "base"]), st.integers(0, 2**31), st.floats(-0.1, 0.1))
-@settings(max_examples=20)
+@examples(10, 20)
 def test_the_last_state_of_drift_and_session_goes_along(place: str, seed: int, size: float) -> None:
     """Deployed, the arm is where the whole model has it at the last pose's time and session."""
     end = "_alpha_rad" if place == "base" else "_rad"
@@ -73,7 +74,7 @@ def test_a_mean_state_is_the_mean_over_the_measured_poses() -> None:
 
 
 @given(st.integers(0, 2**31), st.floats(-5e-3, 5e-3))
-@settings(max_examples=10)
+@examples(5, 10)
 def test_the_rigid_motion_of_a_distorted_tracker_goes_to_the_base(seed: int, stretch: float) -> None:
     """The rest of the distortion that is not deployed has no mean: a stretch about the points' own centre."""
     model, poses = model_with({"measurement_frame.frame.scale_x_mm_per_m": stretch}), session_poses(LAB, seed)

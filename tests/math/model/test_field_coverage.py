@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.effects import effects_at
@@ -15,6 +15,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.uncertainty import UNSURE, field_coverage, field_speaks, position_covariance
 from tests.math.effects.test_residual_field import FIELD, LAB, Learned
+from tests.support.sweep import examples
 
 
 def known(field: Learned, size: float = 1e-4, beyond: float = 2e-3) -> tuple[Model, Covariance]:
@@ -31,7 +32,7 @@ def known(field: Learned, size: float = 1e-4, beyond: float = 2e-3) -> tuple[Mod
 
 @pytest.mark.long
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=15, deadline=None)
+@examples(7, 15)
 def test_it_speaks_where_the_predicted_deviation_says_so(seed: int) -> None:
     """The deviation is that of a prediction of the whole model, through the equilibrium."""
     field = Learned(seed)
@@ -48,7 +49,7 @@ def test_it_speaks_where_the_predicted_deviation_says_so(seed: int) -> None:
 
 @pytest.mark.long
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=15, deadline=None)
+@examples(7, 15)
 def test_its_share_of_the_reach_is_that_of_the_range(seed: int) -> None:
     """A field that is sure in its range speaks there and on a short way beyond, so at the range's share at least."""
     model, covariance = known(Learned(seed))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -21,6 +21,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms
+from tests.support.sweep import examples
 
 TIGHT = 1e-14
 ELASTIC = ("compliance", "lateral_compliance")
@@ -59,7 +60,7 @@ def with_gravity(arm: Arm, gravity: Array) -> Arm:
 
 
 @pytest.mark.long
-@settings(max_examples=25)
+@examples(12, 25)
 @given(arms, st.integers(0, 100))
 def test_an_arm_turned_with_its_gravity_is_the_same_arm(arm: Arm, seed: int) -> None:
     R = Rotation.random(random_state=seed).as_matrix()
@@ -71,7 +72,7 @@ def test_an_arm_turned_with_its_gravity_is_the_same_arm(arm: Arm, seed: int) -> 
 
 
 @pytest.mark.long
-@settings(max_examples=25)
+@examples(12, 25)
 @given(arms, st.integers(0, 100))
 def test_effect_poses_and_arm_file_state_gravity_alike(arm: Arm, seed: int) -> None:
     down = effects_at(arm, "gravity")[0]

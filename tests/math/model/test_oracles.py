@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -21,6 +21,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import ROOT
 from tests.support.random_arms import arms
+from tests.support.sweep import examples
 from tests.support.thesis_parameters import thesis_model, thesis_values
 from validation import synthetic
 
@@ -74,6 +75,7 @@ def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: 
     np.testing.assert_allclose(ours.base_moment, theirs.base_moment_nm, atol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("joint", "soft"), [(2, 0.05), (3, 0.0), (4, 0.05), (5, 0.0), (6, 0.05)])
 def test_axial_play_is_that_of_the_generator(joint: int, soft: float) -> None:
     """A joint that slides along its axis, as the generator shifts the end of the link before it.
@@ -98,7 +100,7 @@ def test_axial_play_is_that_of_the_generator(joint: int, soft: float) -> None:
     )
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(arms, st.integers(0, 100))
 def test_pinocchio(arm: Arm, seed: int) -> None:
     """Gravity torques and TCP of random rigid arms."""

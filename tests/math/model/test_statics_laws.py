@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
@@ -24,6 +24,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.central_differences import stepped
 from tests.support.random_arms import arms
+from tests.support.sweep import examples
 
 TIGHT = 1e-14
 
@@ -67,7 +68,7 @@ def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@examples(15, 30)
 @given(arms, st.integers(0, 100))
 def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(arm: Arm, seed: int) -> None:
     model, poses = elastic(arm, seed, 0.05), some_poses(arm, seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm_file import load_arm
@@ -28,6 +28,7 @@ from lrm_math.motion.effects import (
 )
 from lrm_math.motion.loads import joint_loads
 from lrm_math.motion.simulation import simulate
+from tests.support.sweep import examples
 
 ARM = load_arm("so101")
 H, STEPS = 0.008, 400
@@ -63,7 +64,7 @@ def test_a_servo_is_the_second_order_system_of_the_textbook() -> None:
 
 
 @given(st.floats(0.0, 0.2), st.floats(1.0, 8.0))
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 def test_a_dead_time_shifts_the_response_and_changes_nothing_else(late: float, frequency: float) -> None:
     steps = round(late / H)
     plain = moved(step(0.4), (ServoResponse, (frequency, 0.7)))
@@ -72,7 +73,7 @@ def test_a_dead_time_shifts_the_response_and_changes_nothing_else(late: float, f
 
 
 @given(st.floats(0.001, 0.1), st.floats(-1.0, 1.0), st.floats(0.4, 1.5))
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 def test_dry_friction_stops_a_joint_within_its_band_and_never_starts_it(
     band: float, size: float, damping: float
 ) -> None:
@@ -84,7 +85,7 @@ def test_dry_friction_stops_a_joint_within_its_band_and_never_starts_it(
 
 
 @given(st.floats(0.0, 0.2))
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 def test_play_lags_by_half_its_width_on_the_side_that_the_joint_came_from(width: float) -> None:
     there, back = np.full(STEPS, 0.5), np.full(STEPS, -0.5)
     command = np.where(np.arange(STEPS) < STEPS // 2, there, back)

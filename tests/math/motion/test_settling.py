@@ -66,5 +66,5 @@ def test_several_paths_and_frequencies_give_the_time_of_a_share_of_their_cases()
     )
     for share, expected in ((1.0, single[-1]), (0.5, single[2]), (0.75, single[4])):
         found = settling_after(known, START, paths, step, 1e-4, frequency_factors=(0.9, 1.1), share=share)
-        assert found.seconds == pytest.approx(expected)
+        assert found.seconds == pytest.approx(expected, rel=2e-3), "the inertia is that of the mean of the ways"
     assert single[0] < single[-1]

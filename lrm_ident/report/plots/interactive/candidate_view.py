@@ -47,10 +47,11 @@ def candidate_view(
     """Values that the page draws of a candidate, in mm and degrees, at the drawn poses; null where it was not screened.
 
     `added`: motion of the TCP that it would add beyond the fitted parameters; `turns`: the same as a turn of each
-    joint; `shown`: the joint, from 0, and the covariate whose chart shows most of that. `joint`: the one whose turn its
-    motion is most like; `driver`, `second`: what its form is a function of. `form`: the turn of that joint that the
-    candidate says; `around`: with what would then be left; both null where the joint's lever is too short to observe a
-    turn. `refused`: why it cannot be the cause, else "". `size`: of an effect with one parameter, that of `added`.
+    joint; `shown`: the joint, from 0, and the covariate whose chart shows most of that. `joint`: the one whose turn
+    its motion is most like; `driver`, `second`: what its form is a function of. `form`: the turn of that joint that
+    the candidate says; `around`: with what would then be left; both null where the joint's lever is too short to
+    observe a turn. `refused`: against physics, or the function that explains more, else "". `size`: of an effect
+    with one parameter, that of `added`.
 
     Args:
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
@@ -75,7 +76,7 @@ def candidate_view(
     drivers = _drivers(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, lawful, joints)
-    about = scored.candidate.effect.about
+    about, function = scored.candidate.effect.about, found.unexplained.spurious.get(scored.name)
     return {
         "name": scored.name,
         "added": rounded(_drawn(added, rows) * 1e3, UM),
@@ -84,7 +85,7 @@ def candidate_view(
         "joint": joint,
         "driver": drivers[0].name,
         "second": drivers[1].name if len(drivers) > 1 else "",
-        "refused": _refused(scored, found),
+        "refused": str(scored.implausible or ("" if function is None else function.name)),
         "form": rounded(np.where(seen, np.degrees(_drawn(turns[joint], rows)), np.nan), ANGLE),
         "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
@@ -108,27 +109,16 @@ def best_estimate(ranked: RankedCandidate) -> Array:
     return np.array([ranked.fit.model.value(key) for key in keys]) / typical
 
 
-def _refused(scored: ScoredCandidate, found: Diagnosis) -> str:
-    """Why an effect is none of the supported ones: against physics, or the function that explains more."""
-    function = found.unexplained.spurious.get(scored.name)
-    return str(scored.implausible or ("" if function is None else function.name))
-
-
 def _drivers(
     effect: Effect, form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
 ) -> tuple[Covariate, ...]:
     """Drivers that a form is drawn over: of an effect of two angles the one that it follows, or both; else any."""
-    own = _angles_of_law(effect, known)
-    single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
-    return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
-
-
-def _angles_of_law(effect: Effect, known: Sequence[Covariate]) -> tuple[Covariate, ...]:
-    """Both angles of an effect that couples two joints, whose law says what it follows; else none."""
     joints = joint_numbers(effect.place) if "angle" in effect.depends_on else ()
     angles = {one.joint: one for one in known if one.kind == "angle"}
-    found = tuple(angles[joint] for joint in joints if joint in angles)
-    return found if len(found) == 2 else ()
+    own = tuple(angles[joint] for joint in joints if joint in angles)  # of an effect that couples two joints: both
+    own = own if len(own) == 2 else ()
+    single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
+    return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
 
 
 def _size(scored: ScoredCandidate) -> dict[str, object] | None:

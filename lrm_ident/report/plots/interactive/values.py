@@ -12,7 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import UNSEEN, in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.diagnosis.judgement import Verdict
-from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES, NextStep
+from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
@@ -43,7 +43,9 @@ STANDINGS = {
 def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     known = {} if found.diagnosis is None else found.diagnosis.values
-    commands = _commands(found)
+    following = () if found.conclusion is None else found.conclusion.next
+    commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
+    history, sha256 = found.file.history, found.poses.sha256
     return {
         **_poses(found.field, found.poses),
         **_arms(found.field),
@@ -53,10 +55,13 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "verdict": found.verdict,
         "facts": [[label, words, label in FIRST] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
-        "history": [_entry(found, number) for number in range(len(found.file.history))],
+        "history": [
+            {"held": entry.held_out_rms_mm, "here": of_data(entry, sha256), "rms": step.error.rms * 1e3}
+            for entry, step in zip(history, found.field.steps, strict=False)
+        ],
         "unseen": UNSEEN,
         "story": None if found.story is None else _story(found.story),
-        "cards": _cards(found),
+        "cards": [_card(found, *each) for each in zip(found.cards, found.falls, found.attributions, strict=True)],
         "floor": found.floor_mm,
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
@@ -108,53 +113,31 @@ def values_text(values: Mapping[str, Any]) -> str:
 
 
 def _step(found: ModelReport, number: int) -> dict[str, Any]:
+    """A step with its errors; `held`: the held-out one on the open data, as the headline prints it."""
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     judged = (found.judged or {}).get(number)
-    entry = found.file.history[number].name if found.file.history else None
+    entry = found.file.history[number] if found.file.history else None
+    held = entry.held_out_rms_mm if entry is not None and of_data(entry, found.poses.sha256) else None
     return {
         "name": step.name,
-        "title": step.name if entry is None else GEOMETRY if entry.kind == FIT else step_title(entry),
+        "title": step.name if entry is None else GEOMETRY if entry.name.kind == FIT else step_title(entry.name),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
-        "held": _held_out(found, number),
+        "held": "" if held is None else in_mm(held * 1e-3),
         "residual": rounded(step.residual * 1e3, UM),
         "turns": rounded(np.degrees(np.where(lever > SHARE**2 * mean, step.turns, np.nan)), ANGLE),
     }
 
 
-def _held_out(found: ModelReport, number: int) -> str:
-    """The held-out error of a step on the open data, as the headline prints it; empty where it is not known."""
-    entry = found.file.history[number] if found.file.history else None
-    if entry is None or entry.held_out_rms_mm is None or not of_data(entry, found.poses.sha256):
-        return ""
-    return in_mm(entry.held_out_rms_mm * 1e-3)
-
-
-def _entry(found: ModelReport, number: int) -> dict[str, Any]:
-    """Held-out error of a step, whether it is of the open data, and the RMS error of its model on these."""
-    entry, rms = found.file.history[number], found.field.steps[number].error.rms * 1e3
-    return {"held": entry.held_out_rms_mm, "here": of_data(entry, found.poses.sha256), "rms": rms}
-
-
-def _commands(found: ModelReport) -> tuple[NextStep, ...]:
-    """Commands to copy, where the names of their files are known."""
-    steps = () if found.conclusion is None else found.conclusion.next
-    return tuple(one for one in steps if one.command and UNKNOWN_FILES.model not in one.command.split())
-
-
 def _story(story: Story) -> dict[str, Any]:
     """The story in words of the screen; errors in mm."""
-    steps = [{**plain(one), "left": in_mm(one.left_mm * 1e-3)} for one in story.steps]
-    return {**plain(story), "steps": steps, "sentence": story.sentence, "facts": [[*fact] for fact in story.facts]}
-
-
-def _cards(found: ModelReport) -> list[dict[str, Any]]:
-    """The cards with the errors of their steps, and what each step shows: an identified cause, a candidate, or none."""
-    return [_card(found, *each) for each in zip(found.cards, found.falls, found.attributions, strict=True)]
+    steps = [{**plain(one), "left": in_mm(one.rms_mm * 1e-3)} for one in story.steps]
+    return {**plain(story), "steps": steps, "facts": [[*fact] for fact in story.facts]}
 
 
 def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttribution | None) -> dict[str, Any]:
+    """A card with the errors of its step, and what that shows: an identified cause, a candidate, or none."""
     kind, floor = None if shown is None else shown.kind, found.floor_mm
     known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
     judged = (found.judged or {}).get(card.number - 1)

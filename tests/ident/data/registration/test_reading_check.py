@@ -5,13 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -41,7 +41,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading, parse_axes
 from tests.conftest import EXAMPLE, SHARED
 from tests.support.commands import stderr_of, stdout_of
-from tests.support.sweep import seeds, soak
+from tests.support.sweep import examples, seeds, soak
 from validation.misreadings import ARMS, HEALTHY, KINDS, healthy_data, misread, random_arm_data
 
 pytestmark = pytest.mark.long
@@ -66,8 +66,10 @@ def test_a_bad_arm_is_not_refused(name: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=2, deadline=None)
-@given(st.integers(0, 1000), st.sampled_from(ARMS), st.integers(0, 2), st.booleans())
+@pytest.mark.parametrize(
+    ("name", "number", "slipped"), [(ARMS[0], 1, True), *soak(*product(ARMS, range(3), (False, True)))]
+)
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_what_moved_meanwhile_is_no_misreading(seed: int, name: str, number: int, slipped: bool) -> None:
     """A base that was pushed along an axis by a fifth of the spread, or a joint whose horn slipped by 20 deg."""
     data, arm = random_arm_data(name, seed), load_arm(name)
@@ -437,7 +439,7 @@ def test_axes_are_words_and_matrices(order: list[int], minus: tuple[bool, ...]) 
     np.testing.assert_array_equal(read_positions(Reading(axes=words), points), expected)
 
 
-@settings(max_examples=20)
+@examples(10, 20)
 @given(st.permutations(range(1, 7)), st.lists(st.sampled_from([1, -1]), min_size=6, max_size=6))
 def test_joints_are_reordered_then_signed(order: list[int], sign: list[int]) -> None:
     columns = np.arange(1.0, 7.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_poses
@@ -18,6 +18,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from tests.ident.measuring.recordings.test_lerobot import written
 from tests.support.commands import run_command
+from tests.support.sweep import examples
 
 SO_ARMS = ("so100", "so101", "lekiwi")
 
@@ -46,7 +47,7 @@ def drawn_elsewhere(arm: Arm, zeros: Array) -> Arm:
     return replace(arm, joints=tuple(moved))
 
 
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 @given(st.integers(0, 10**6), st.sampled_from(SO_ARMS))
 def test_old_zeros_are_read_as_new_ones_and_new_ones_stay(seed: int, name: str) -> None:
     arm = load_arm(name)
@@ -57,7 +58,7 @@ def test_old_zeros_are_read_as_new_ones_and_new_ones_stay(seed: int, name: str) 
     np.testing.assert_allclose(rule.applied(as_before(poses)), poses, atol=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(10, 20)
 @given(st.integers(0, 10**6), st.sampled_from(SO_ARMS))
 def test_the_middles_of_the_ranges_are_found_for_an_arm_drawn_elsewhere(seed: int, name: str) -> None:
     arm = load_arm(name)

@@ -55,6 +55,7 @@ def test_a_follower_of_a_follower_follows_the_first_joint(tmp_path: Path) -> Non
     assert arm.mimics[1].offset == pytest.approx(0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("mimic", "said"),
     [

@@ -129,6 +129,7 @@ def errors_of(arm: Arm, seed: int) -> Model:
     return drawn.with_values(np.random.default_rng(seed).normal(0.0, 0.003, len(drawn.keys)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["urdf", "xml"])
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_exported_is_imported_again_the_same(seed: int, kind: str, tmp_path: Path) -> None:
@@ -155,6 +156,7 @@ def test_what_is_exported_is_imported_again_the_same(seed: int, kind: str, tmp_p
     np.testing.assert_allclose(at_rest(again, q).joint_torque, at_rest(arm, q).joint_torque, atol=milligrams)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["urdf", "xml"])
 @pytest.mark.parametrize("seed", range(2))
 def test_a_corrected_file_moves_as_the_model(seed: int, kind: str, tmp_path: Path) -> None:

@@ -80,6 +80,7 @@ SOFT_AT_ITS_ROOT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("names", "more"),
     [

@@ -48,6 +48,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rule", BROKEN)
 def test_what_is_implausible_is_refused_and_written_where_a_person_knows_better(rule: str, tmp_path: Path) -> None:
     """The option that the message names is the one that works, and the arm file is readable thereafter."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.robot_files.arm_text import arm_text
@@ -24,6 +24,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import run_command, stderr_of, stdout_of
 from tests.support.random_arms import arms, random_arm
+from tests.support.sweep import examples
 
 EXACT = 1e-12
 TIP = "gripper_frame_link"
@@ -113,7 +114,7 @@ def test_ten_random_robots(seed: int, nearly_parallel: bool, tmp_path: Path) -> 
 
 
 @pytest.mark.long
-@settings(max_examples=15)
+@examples(7, 15)
 @given(arms, st.integers(0, 1000))
 def test_our_arms_through_urdf_and_back(arm: Arm, seed: int) -> None:
     arm = replace(arm, gravity=(0.0, 0.0, -9.81), bodies=tuple(b for b in arm.bodies if b.frame <= len(arm.links)))
@@ -216,6 +217,7 @@ def test_xacro(tmp_path: Path) -> None:
     assert "xacro" in stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sag", [0.0, 0.05])
 def test_of_an_arm_that_sags_the_export_says_what_a_urdf_can_do(sag: float, tmp_path: Path) -> None:
     model = tmp_path / "model.toml"

@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.robot_files.lerobot_calibration import (
@@ -21,6 +21,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.sweep import examples
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 COUNT = 2.0 * math.pi / 4096.0
@@ -68,7 +69,7 @@ def lerobot_reads(motor: MotorCalibration, encoder: float) -> float:
 
 
 @pytest.mark.long
-@settings(max_examples=30)
+@examples(15, 30)
 @given(offsets=st.lists(st.floats(-0.3, 0.3), min_size=5, max_size=5), encoder=st.integers(0, 4095))
 def test_lerobot_reads_the_true_angle(
     tmp_path_factory: pytest.TempPathFactory, offsets: list[float], encoder: int
@@ -161,6 +162,7 @@ def test_offsets_as_the_drivers_read_them(tmp_path: Path) -> None:
     assert parameters(out, "shoulder_lift") == {"homing_offset": "-43", "range_min": "933"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("plugin", "param", "said"),
     [

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.design.workspace.arm_variants import lengthened, parse_variant
@@ -28,6 +28,7 @@ from lrm_math.ik.goal import pose
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.sweep import examples
 
 TOOLS = rotations(directions(12), 4)
 COARSE = 0.09
@@ -128,7 +129,7 @@ def test_the_volume_comes_closer_with_finer_cells() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(
     st.lists(st.floats(-100, -10), min_size=6, max_size=6),
     st.lists(st.floats(10, 100), min_size=6, max_size=6),
@@ -169,7 +170,7 @@ def test_a_map_turns_with_its_arm(rover: Arm) -> None:
 
 
 @given(st.floats(0.3, 3.0))
-@settings(max_examples=10)
+@examples(5, 10)
 def test_an_arm_twice_the_size_has_the_same_map(scale: float) -> None:
     rover = load_arm("lrm-rover")
 
@@ -288,6 +289,7 @@ def test_areas(rover: Arm) -> None:
             parse_area(words)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("link", range(1, 7))
 def test_a_longer_link_is_longer_and_nothing_else(rover: Arm, link: int) -> None:
     longer = lengthened(rover, link, 0.02)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
@@ -37,7 +37,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrm_math.model.step_name import ADD, FIT, StepName
 from tests.support.commands import stdout_of
-from tests.support.sweep import seeds
+from tests.support.sweep import examples, seeds
 from validation.hidden_effects.case import Case, hidden, nothing, on
 from validation.hidden_effects.data import write_data
 from validation.synthetic import FormulaJoint
@@ -92,7 +92,7 @@ def some_extensions(poses: Poses, torque: Array) -> list[Law]:
 
 
 @pytest.mark.long
-@settings(max_examples=15, deadline=None)
+@examples(7, 15)
 @given(st.integers(0, 2**32 - 1))
 def test_a_written_law_moves_the_joint_as_its_formula_says(
     lab: Arm, tmp_path_factory: pytest.TempPathFactory, seed: int

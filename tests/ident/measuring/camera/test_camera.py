@@ -84,6 +84,7 @@ def test_the_detector_finds_the_rendered_board() -> None:
     assert np.abs(errors.mean(axis=0)).max() < 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "words"),
     [

@@ -94,6 +94,7 @@ def restarted(_: InMemoryDaemon, rover: Rover) -> None:
     rover._session = started("boot2").session  # type: ignore[assignment]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("meanwhile", "words"),
     [
@@ -130,6 +131,7 @@ def held(_: InMemoryDaemon, __: Rover) -> None:
         other.hold()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("meanwhile", [held, stopped_and_armed_again, gripper_off])
 def test_a_stop_at_a_rest_ends_the_campaign_although_it_looks_at_the_mode(
     daemon: InMemoryDaemon, rover: Rover, arm: RoverArm, monkeypatch: pytest.MonkeyPatch, meanwhile: Meanwhile

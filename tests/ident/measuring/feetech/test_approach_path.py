@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.approach_path import states_from_beside
@@ -19,6 +19,7 @@ from lrm_math.arm.arm import feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.kinematics.motion import TRAVELS_DEG
 from tests.ident.measuring.feetech.test_feetech_servos import ARM, WITHIN, BusLine, held, line_of, pose
+from tests.support.sweep import examples
 
 JOINTS = ARM.dof
 SIDES = st.lists(st.sampled_from([-1, 1]), min_size=JOINTS, max_size=JOINTS)
@@ -50,8 +51,8 @@ def driven(line: BusLine, plan: list[tuple[list[float], list[int]]]) -> tuple[Ar
 
 
 @pytest.mark.long
+@examples(4, 40)
 @given(PLANS)
-@settings(max_examples=12)
 def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], list[int]]]) -> None:
     q, sides, states = driven(line_of(1, 2, 3, 4, 5), plan)
     found = states_from_beside(q, sides, ARM, APPROACH, np.zeros(len(q), dtype=bool))
@@ -59,8 +60,8 @@ def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], 
 
 
 @pytest.mark.long
+@examples(3, 20)
 @given(PLANS, st.integers(1, 5))
-@settings(max_examples=6)
 def test_where_it_is_not_known_where_the_arm_stood_friction_has_turned_over(
     plan: list[tuple[list[float], list[int]]], row: int
 ) -> None:

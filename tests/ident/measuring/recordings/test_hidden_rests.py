@@ -33,6 +33,7 @@ def numbers(data: Path) -> list[float]:
     return [float(number) for number in numbers_of(read_csv(data, ["pose"]), "pose")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("begin", "end"), [(380, 720), (480, 700), (560, 700)], ids=["whole", "most", "the end"])
 def test_a_hidden_rest_is_found_by_its_gap_and_left_out(tmp_path: Path, begin: int, end: int) -> None:
     source, data = hidden(motive(tmp_path / "take.csv"), begin, end), tmp_path / "data.csv"

@@ -129,6 +129,7 @@ def write_json(path: Path, only: tuple[str, ...]) -> None:
 ALL = ("/tool", "/base", "/joint_states")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("write", [write_cdr, write_json])
 def test_rests_give_tips_and_the_joint_angles_at_them(
     tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]
@@ -146,6 +147,7 @@ def test_rests_give_tips_and_the_joint_angles_at_them(
     np.testing.assert_allclose(tips, TIPS, atol=2e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("write", [write_cdr, write_json])
 def test_the_orientation_of_the_tool_against_the_base_reaches_the_file(
     tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +20,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, Tracke
 from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
 from lrm_ident.measuring.tracker.source import open_tracker
 from lrm_math.errors import LrmError
+from tests.support.sweep import examples
 
 coordinate = st.floats(-50.0, 50.0)
 vector = st.tuples(coordinate, coordinate, coordinate).map(np.array)
@@ -172,7 +173,7 @@ def test_a_frame_that_came_in_time_counts_however_late_a_busy_computer_reads_it(
 
 
 @given(st.lists(st.one_of(st.binary(max_size=200), st.integers(0, 9)), min_size=1, max_size=30))
-@settings(max_examples=15)
+@examples(7, 15)
 def test_whatever_comes_on_the_port_the_frames_among_it_arrive(sent: list[bytes | int]) -> None:
     """Numbers stand for good frames; everything else is garbage, damaged or empty."""
     good = rest(10)

@@ -1,8 +1,8 @@
 // Which effect: the list of candidates, the chosen one beside the data, and what it would do at any size. `page`: of figures.js.
 "use strict";
 function lrmCandidates(page) {
-  const { state, place, fill, words, draw, selected, poseOf, wireScatter } = page;
-  const { colour, range, at } = lrmChart;
+  const { state, place, fill, words, draw, poseOf, wireScatter } = page;
+  const { colour, range, at, dots, line, titled } = lrmChart;
   const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
@@ -18,14 +18,10 @@ function lrmCandidates(page) {
   function drawAdded(one) {
     const v = state.values, rows = page.points(), last = v.steps[v.steps.length - 1].residual;
     const extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
-    const traces = AXES.map((axis, k) => ({ type: "scatter", mode: "markers", name: "along " + axis,
-      x: rows.map((row) => one.added[row][k]), y: rows.map((row) => last[row][k]), selectedpoints: selected(rows), ...poseOf(rows),
-      hovertemplate: "%{text}<extra></extra>",
-      marker: { size: 5, opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) } }));
-    traces.push({ type: "scatter", mode: "lines", name: "as it says", x: [-extent, extent], y: [-extent, extent],
-      hoverinfo: "skip", line: { color: colour("ink"), dash: "dash", width: 1.5 } });
-    draw("added", traces, { xaxis: { title: { text: "it would add, mm", standoff: 4 } },
-      yaxis: { title: { text: "the fit leaves, mm", standoff: 4 } } }, wireScatter);
+    const traces = AXES.map((axis, k) => dots("along " + axis, rows.map((row) => one.added[row][k]), rows.map((row) => last[row][k]),
+      { opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) }, { ...poseOf(rows), hovertemplate: "%{text}<extra></extra>" }));
+    traces.push(line("as it says", [-extent, extent], [-extent, extent], { color: colour("ink"), dash: "dash", width: 1.5 }));
+    draw("added", traces, { xaxis: titled("it would add, mm"), yaxis: titled("the fit leaves, mm") }, wireScatter);
   }
 
   // The data and what the form says of each pose, as points: a form may follow more than is drawn, and no line hides that.
@@ -37,14 +33,11 @@ function lrmCandidates(page) {
     const hue = (ink, bar) => !second ? { color: colour(ink) } : { color: at(second.values, rows).map((value) => value ?? NaN), cmin: Math.min(...known), cmax: Math.max(...known),
       colorscale: [[0, colour("held")], [0.5, colour("line")], [1, colour("model")]], showscale: bar, colorbar: { title: { text: second.label, side: "right" }, thickness: 10, len: 0.9 } };
     const hover = `%{text}: %{y:.3f} deg${second ? `; ${second.label} %{marker.color}` : ""}<extra></extra>`;
+    const said = at(one.form, rows).map((y) => (y === null ? y : size() * y)), name = state.size ? `its form, ${state.size.toFixed(2)} times` : "its form";
     draw("form", [
-      { type: "scatter", mode: "markers", name: "data", x, y: at(one.around, rows), selectedpoints: selected(rows), ...poseOf(rows),
-        hovertemplate: hover, marker: { size: 5, opacity: 0.55, ...hue("model", Boolean(second)) } },
-      { type: "scatter", mode: "markers", name: state.size ? `its form, ${state.size.toFixed(2)} times` : "its form", x,
-        y: at(one.form, rows).map((y) => (y === null ? y : size() * y)), hoverinfo: "skip",
-        marker: { symbol: second ? "diamond-open" : "diamond", size: second ? 7 : 5, ...hue("held", false) } },
-    ], { xaxis: { title: { text: driver.label, standoff: 4 } },
-      yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
+      dots("data", x, at(one.around, rows), { opacity: 0.55, ...hue("model", Boolean(second)) }, { ...poseOf(rows), hovertemplate: hover }),
+      dots(name, x, said, { symbol: second ? "diamond-open" : "diamond", size: second ? 7 : 5, ...hue("held", false) }, { hoverinfo: "skip" }),
+    ], { xaxis: titled(driver.label), yaxis: titled(`turn of joint ${one.joint + 1}, deg`, { range: range(one.around).limits }) }, wireScatter);
   }
 
   function details(one) {
@@ -99,11 +92,14 @@ function lrmCandidates(page) {
       "linear, before any refit";
   }
 
-  function drawSlider(one) {
-    const input = place("what-if-size"), said = place("what-if-says");
+  // What is drawn of the slider follows the effect chosen and the step shown.
+  function drawWhatIf() {
+    const one = state.step === state.values.steps.length - 1 ? candidate() : null, input = place("what-if-size"), said = place("what-if-says");
     if (shown === one) return;
+    const tried = state.size;
     [shown, state.size] = [one, 0];
     place("what-if").hidden = !one;
+    if (tried) page.drawField();
     if (!one) return;
     input.value = 0;
     input.setAttribute("aria-label", `size of ${one.title}, in times its estimate`);
@@ -113,13 +109,6 @@ function lrmCandidates(page) {
       said.textContent = says(one);
       page.drawField(); page.drawTurn(); drawCandidate();
     };
-  }
-
-  // What is drawn of the slider follows the effect chosen and the step shown.
-  function drawWhatIf() {
-    const tried = state.size;
-    drawSlider(state.step === state.values.steps.length - 1 ? candidate() : null);
-    if (tried && !state.size) page.drawField();
   }
 
   return { candidate, drawCandidate, drawRanking, drawWhatIf, whatIf: { without, active, rms, size } };

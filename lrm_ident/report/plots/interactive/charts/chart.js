@@ -24,6 +24,11 @@ const lrmChart = (() => {
     return out;
   }
 
+  // Marks at points, and a line through points, as Plotly takes them; an axis with a title.
+  const dots = (name, x, y, marker, more) => ({ type: "scatter", mode: "markers", name, x, y, marker: { size: 5, ...marker }, ...more });
+  const line = (name, x, y, ink, more) => ({ type: "scatter", mode: "lines", name, x, y, line: ink, hoverinfo: "skip", ...more });
+  const titled = (text, more) => ({ title: { text, standoff: 4 }, ...more });
+
   const at = (values, rows) => rows.map((row) => values[row]);
 
   // A curve through points: those of equal x are one, at their mean, so that no line joins them.
@@ -69,7 +74,7 @@ const lrmChart = (() => {
   }
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: [["zoom2d", "select2d", "resetScale2d"]] };
-  return { colour, layout, at, curve, binned, range, onPaper, CONFIG };
+  return { colour, layout, dots, line, titled, at, curve, binned, range, onPaper, CONFIG };
 })();
 
 // What the pages of a fleet and of motion share: the theme with its button, and light paper. `draw`: all figures anew.

@@ -1,7 +1,7 @@
 // The figures of a fleet's page, drawn with Plotly from the values of fleet_figures.py. In all of them a column is an arm.
 "use strict";
 const lrmFleet = (() => {
-  const { colour, layout, CONFIG } = lrmChart;
+  const { colour, layout, dots, line, CONFIG } = lrmChart;
   const LEVELS = ["--model", "--held", "--good", "--accent", "#e69f00", "#999999", "#882255", "#8c6d31"];
   const MOST_NAMES = 40, MOST_LEVEL = 8, ROW_PX = 36, WIDE_PX = 700, LEFT_PX = 260;
   const TICKS = [-3, -2, -1, 0, 1, 2].flatMap((p) => [1, 2, 5].map((k) => Number((k * 10 ** p).toPrecision(1))));
@@ -53,19 +53,18 @@ const lrmFleet = (() => {
     const at = new Map(order().map((number, column) => [number, column])), arms = state.values.arms;
     return levels().map((level) => {
       const own = points.filter(([number]) => levelOf(arms[number]) === level);
-      return Object.assign({ name: level, legendgroup: level, mode: "markers", x: own.map(([number]) => at.get(number)),
-        y: own.map(([, y]) => y), customdata: own.map(([number]) => number), hoverinfo: "text",
-        text: own.map(([number, , words]) => [...about(arms[number]), ...(words ? [words] : [])].join("<br>")),
-        marker: Object.assign({ color: colourOf(level) }, marker(own)) }, more(own));
+      const text = own.map(([number, , words]) => [...about(arms[number]), ...(words ? [words] : [])].join("<br>"));
+      return dots(level, own.map(([number]) => at.get(number)), own.map(([, y]) => y), { color: colourOf(level), ...marker(own) },
+        { legendgroup: level, customdata: own.map(([number]) => number), hoverinfo: "text", text, ...more(own) });
     }).filter((trace) => trace.x.length);
   }
 
   function drawErrors() {
     const arms = state.values.arms, done = order().map((number, column) => [arms[number], column]).filter(([a]) => a.nominal !== null);
-    const lines = { x: done.flatMap(([, k]) => [k, k, null]), y: done.flatMap(([a]) => [a.nominal, a.held_out, null]), mode: "lines",
-      line: { color: colour("line"), width: 1 }, hoverinfo: "skip", showlegend: false };
-    const before = { x: done.map(([, k]) => k), y: done.map(([a]) => a.nominal), mode: "markers", name: "nominal", hoverinfo: "skip",
-      marker: { color: colour("line"), symbol: "circle-open", size: 6 } };
+    const lines = line("", done.flatMap(([, k]) => [k, k, null]), done.flatMap(([a]) => [a.nominal, a.held_out, null]),
+      { color: colour("line"), width: 1 }, { showlegend: false });
+    const before = dots("nominal", done.map(([, k]) => k), done.map(([a]) => a.nominal), { color: colour("line"), symbol: "circle-open", size: 6 },
+      { hoverinfo: "skip" });
     const points = arms.flatMap((arm, number) => (arm.held_out === null ? [] : [[number, arm.held_out]]));
     const after = byLevel(points, () => ({ size: 7 })).map((one) => ({ ...one, name: "identified, held out" + (state.tag ? ": " + one.name : "") }));
     draw("errors", [lines, before, ...after], { yaxis: { type: "log", tickmode: "array", tickvals: TICKS, title: { text: "RMS error of the tip, mm" } } });

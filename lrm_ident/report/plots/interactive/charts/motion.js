@@ -1,7 +1,7 @@
 // The figures of a motion page, drawn with Plotly from the values of motion_page.py: errors step by step, and one move.
 "use strict";
 const lrmMotion = (() => {
-  const { colour, layout, CONFIG } = lrmChart;
+  const { colour, layout, dots, CONFIG } = lrmChart;
   const place = (id) => document.getElementById("lrm-" + id);
   let values = null;
 
@@ -20,11 +20,10 @@ const lrmMotion = (() => {
     const what = values.what[place("what").value], move = what.moves[place("move").value];
     const x = move.told.map((_, k) => move.start + k * move.dt);
     const time = { range: [x[0], x[x.length - 1]] };
-    const line = (y, name, tint, more = {}) => Object.assign({ x, y, name, mode: "lines", line: { color: tint, width: 1.5 } }, more);
+    const line = (y, name, color, ink) => lrmChart.line(name, x, y, { color, width: 1.5, ...ink }, { hoverinfo: "all" });
     place("errors").textContent = `${what.label}, all moves: ${what.words[0]} before, ${what.words[1]} after (RMS)`;
     Plotly.react(place("path"), [
-      line(move.told, "command", colour("line"), { line: { color: colour("line"), width: 1, shape: "hv" } }),
-      { x, y: move.read, name: values.read, mode: "markers", marker: { color: colour("ink"), size: 4 } },
+      line(move.told, "command", colour("line"), { width: 1, shape: "hv" }), dots(values.read, x, move.read, { color: colour("ink"), size: 4 }),
       line(move.before, "predicted before", colour("held")), line(move.after, "predicted after", colour("model")),
     ], layout({ dragmode: "zoom", xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } }), CONFIG);
     Plotly.react(place("left"), [line(move.left[0], "before", colour("held")), line(move.left[1], "after", colour("model"))],

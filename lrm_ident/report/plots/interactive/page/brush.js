@@ -46,11 +46,9 @@ function lrmBrush(page) {
   // Rows that are marked, or null where none is.
   const marked = () => state.brushed && state.values.pose.flatMap((pose, row) => (state.brushed.has(pose) ? [row] : []));
 
-  // Numbers of the marked ones among the points of a flat chart, which stand for these rows.
-  const selected = (rows) => state.brushed ? rows.flatMap((row, i) => (state.brushed.has(state.values.pose[row]) ? [i] : [])) : null;
-
-  // Row and name of the points of a flat chart.
-  const poseOf = (rows) => ({ customdata: rows, text: rows.map((row) => `pose ${state.values.pose[row]}`) });
+  // Row and name of the points of a flat chart, and which of them are marked.
+  const poseOf = (rows) => ({ customdata: rows, text: rows.map((row) => `pose ${state.values.pose[row]}`),
+    selectedpoints: state.brushed ? rows.flatMap((row, i) => (state.brushed.has(state.values.pose[row]) ? [i] : [])) : null });
 
   // Events of a scatter whose points carry their row in customdata.
   function wireScatter(figure) {
@@ -63,5 +61,5 @@ function lrmBrush(page) {
     figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
   }
 
-  return { sample, points, says, tellSample, brush, toggle, marked, selected, poseOf, wireScatter };
+  return { sample, points, says, tellSample, brush, toggle, marked, poseOf, wireScatter };
 }

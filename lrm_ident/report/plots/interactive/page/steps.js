@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, fill, draw, words } = page;
-  const { colour, binned, at } = lrmChart;
+  const { colour, binned, at, dots, line } = lrmChart;
   const plural = (count, word) => `${count} ${word}${count > 1 ? "s" : ""}`;
 
   // The candidate that the verdict names, if it is a cause: what has none has no picture of one.
@@ -95,16 +95,16 @@ function lrmSteps(page) {
     const [before, after] = [v.steps[card.number - 1].turns[card.joint], v.steps[card.number].turns[card.joint]];
     if (!driver) return;
     const rows = page.sample(), x = at(driver.values, rows);
-    const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x, y: at(y, rows), hoverinfo: "skip",
-      marker: { size: 5, symbol, color: ink, opacity: 0.35 } });
-    const mean = (name, y, ink, more) => ({ type: "scatter", mode: "lines+markers", name, ...binned(x, at(y, rows)), hoverinfo: "skip",
-      line: { color: ink, width: 3 }, marker: { size: 6, symbol: "square" }, ...more });
+    const points = (name, y, color, symbol) => dots(name, x, at(y, rows), { symbol, color, opacity: 0.35 }, { hoverinfo: "skip" });
+    const mean = (name, y, color, more) => ({ ...line(name, x, y, { color, width: 3 }), mode: "lines+markers", ...binned(x, at(y, rows)),
+      marker: { size: 6, symbol: "square" }, ...more });
+    const small = (text) => ({ title: { text, standoff: 4, font: { size: 12 } } });
     const traces = [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"), { fill: "tonexty", fillcolor: colour("bar") })];
     const means = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
     const most = Math.max(2.2 * Math.max(...means), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
-    draw("card-" + card.number, traces, { dragmode: false, xaxis: { title: { text: driver.label + (beyond ? `<br>${beyond} points are beyond` : ""), standoff: 4, font: { size: 12 } } },
-      yaxis: { title: { text: `turn of joint ${card.joint + 1}, deg`, standoff: 4, font: { size: 12 } }, range: [-most, most] } });
+    draw("card-" + card.number, traces, { dragmode: false, xaxis: small(driver.label + (beyond ? `<br>${beyond} points are beyond` : "")),
+      yaxis: { ...small(`turn of joint ${card.joint + 1}, deg`), range: [-most, most] } });
   }
 
   return { tellFall, tellVerdict, drawCards };

@@ -2,7 +2,7 @@
 "use strict";
 const lrmAxes = (() => {
   const END_ON = 40; // px
-  const { colour } = lrmPen;
+  const { colour, polygon, lettering } = lrmPen;
 
   function ticks(low, high) {
     const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
@@ -12,63 +12,38 @@ const lrmAxes = (() => {
   }
 
   // The plane that the arm's shadow falls on: the floor of the box.
-  function ground(pen, box, at) {
-    const [low, high] = box;
-    pen.fillStyle = colour("ground");
-    pen.beginPath();
-    for (const [x, y] of [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]) {
-      const p = at([x, y, low[2]]);
-      pen.lineTo(p[0], p[1]);
-    }
-    pen.fill();
+  function ground(pen, [[left, front, down], [right, back]], at) {
+    polygon(pen, [[left, front], [right, front], [right, back], [left, back]].map(([x, y]) => at([x, y, down])), colour("ground"));
   }
 
+  const moved = (p, k, value) => p.map((c, j) => (j === k ? value : c));
+
   function axes(pen, box, at) {
-    const [low, high] = box, corner = (k, far) => {
-      const ends = [[...low], [...low]];
-      ends[1][k] = high[k];
-      const behind = at(ends[0])[2] <= at(ends[1])[2] + 1e-6 ? low[k] : high[k];
-      return far ? behind : low[k] + high[k] - behind;
-    };
-    const far = [0, 1, 2].map((k) => corner(k, true)), near = [0, 1, 2].map((k) => corner(k, false));
-    const line = (from, to) => { const [a, b] = [at(from), at(to)]; pen.moveTo(a[0], a[1]); pen.lineTo(b[0], b[1]); };
-    const grid = [0, 1, 2].map((k) => ticks(low[k], high[k]));
+    const [low, high] = box, grid = [0, 1, 2].map((k) => ticks(low[k], high[k]));
+    const far = [0, 1, 2].map((k) => (at(low)[2] <= at(moved(low, k, high[k]))[2] + 1e-6 ? low[k] : high[k]));
+    const near = far.map((c, k) => low[k] + high[k] - c);
     pen.lineWidth = 1;
     pen.strokeStyle = colour("grid");
     pen.beginPath();
     for (let k = 0; k < 3; k++) {
-      const others = [0, 1, 2].filter((j) => j !== k);
-      for (const j of others) { // on the plane far in j: lines of constant k, along the third axis
-        const along = 3 - k - j;
+      for (const along of [0, 1, 2].filter((j) => j !== k)) { // on the plane that is far in the third axis: lines of constant k
         for (const value of [low[k], ...grid[k], high[k]]) {
-          const from = [...far], to = [...far];
-          from[k] = to[k] = value;
-          from[along] = low[along];
-          to[along] = high[along];
-          line(from, to);
+          const [a, b] = [low, high].map((end) => at(moved(moved(far, k, value), along, end[along])));
+          pen.moveTo(a[0], a[1]);
+          pen.lineTo(b[0], b[1]);
         }
       }
     }
     pen.stroke();
-    pen.font = "10px system-ui, sans-serif";
-    pen.fillStyle = colour("soft");
-    pen.textAlign = "center";
-    pen.textBaseline = "middle";
+    lettering(pen, 10, "soft", "center");
     const centre = at(low.map((l, k) => (l + high[k]) / 2));
+    const upright = [[far[0], near[1], far[2]], [near[0], far[1], far[2]]]; // of these the edge that is farthest left
     ["x", "y", "z"].forEach((name, k) => {
-      const edge = [...far];
-      if (k < 2) edge[1 - k] = near[1 - k];
-      else { // the vertical edge that is farthest left
-        const edges = [[far[0], near[1]], [near[0], far[1]]].map(([x, y]) => [x, y, low[2]]);
-        const [x, y] = edges.reduce((a, b) => (at(a)[0] < at(b)[0] ? a : b));
-        [edge[0], edge[1]] = [x, y];
-      }
-      const ends = [low[k], high[k]].map((value) => at(edge.map((c, j) => (j === k ? value : c))));
+      const edge = k < 2 ? moved(far, 1 - k, near[1 - k]) : upright.reduce((a, b) => (at(a)[0] < at(b)[0] ? a : b));
+      const ends = [low[k], high[k]].map((value) => at(moved(edge, k, value)));
       if (Math.hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) < END_ON) return; // its labels would lie on one another
       const put = (value, text, right, down) => {
-        const p = [...edge];
-        p[k] = value;
-        const [x, y] = at(p);
+        const [x, y] = at(moved(edge, k, value));
         pen.fillText(text, x + right, y + down);
       };
       const side = k < 2 ? 6 * Math.sign(at(edge)[0] - centre[0] || 1) : -13;
@@ -80,10 +55,7 @@ const lrmAxes = (() => {
 
   function bar(pen, width, height, largest, colours) {
     const left = width - 16, top = 34, step = Math.min(18, (height - 90) / colours.length);
-    pen.font = "11px system-ui, sans-serif";
-    pen.fillStyle = colour("ink");
-    pen.textAlign = "right";
-    pen.textBaseline = "middle";
+    lettering(pen, 11, "ink", "right");
     pen.fillText("mm", width - 4, top - 14);
     colours.forEach((ink, i) => {
       const y = top + (colours.length - 1 - i) * step;

@@ -14,19 +14,15 @@ const lrmPen = (() => {
     pen.setLineDash([]);
   }
 
-  function disc(pen, p, ink, radius) {
+  function filled(pen, ink, path) {
     pen.fillStyle = ink;
     pen.beginPath();
-    pen.arc(p[0], p[1], radius, 0, 7);
+    path();
     pen.fill();
   }
-
-  function diamond(pen, p, ink) {
-    pen.fillStyle = ink;
-    pen.beginPath();
-    for (const [x, y] of [[0, -6], [6, 0], [0, 6], [-6, 0]]) pen.lineTo(p[0] + x, p[1] + y);
-    pen.fill();
-  }
+  const disc = (pen, [x, y], ink, radius) => filled(pen, ink, () => pen.arc(x, y, radius, 0, 7));
+  const polygon = (pen, points, ink) => filled(pen, ink, () => { for (const [x, y] of points) pen.lineTo(x, y); });
+  const diamond = (pen, [x, y], ink) => polygon(pen, [[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y]], ink);
 
   function ring(pen, p) {
     pen.strokeStyle = colour("held");
@@ -36,13 +32,12 @@ const lrmPen = (() => {
     pen.stroke();
   }
 
-  function frame(pen, x, y, w, h) {
-    pen.strokeStyle = colour("ink");
-    pen.setLineDash([4, 3]);
-    pen.lineWidth = 1;
-    pen.strokeRect(x, y, w, h);
-    pen.setLineDash([]);
+  const frame = (pen, x, y, w, h) => stroke(pen, [[x, y], [x + w, y], [x + w, y + h], [x, y + h], [x, y]], colour("ink"), 1, [4, 3]);
+
+  // The style of the words that follow.
+  function lettering(pen, size, ink, align, baseline = "middle") {
+    Object.assign(pen, { font: `${size}px system-ui, sans-serif`, fillStyle: colour(ink), textAlign: align, textBaseline: baseline });
   }
 
-  return { colour, stroke, disc, diamond, ring, frame };
+  return { colour, stroke, disc, polygon, diamond, ring, frame, lettering };
 })();

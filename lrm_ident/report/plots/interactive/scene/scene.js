@@ -2,7 +2,7 @@
 // A canvas needs no graphics card, and is on paper what it is on the screen. All lengths in mm.
 "use strict";
 const lrmScene = (() => {
-  const { colour, ring, frame } = lrmPen;
+  const { colour, ring, frame, lettering } = lrmPen;
   const scenes = new Set();
 
   // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together.
@@ -13,11 +13,7 @@ const lrmScene = (() => {
 
   // The box that everything is in: the least and the greatest corner.
   function boxOf(points) {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    for (const p of points) {
-      for (let k = 0; k < 3; k++) { low[k] = Math.min(low[k], p[k]); high[k] = Math.max(high[k], p[k]); }
-    }
-    return [low, high];
+    return [Math.min, Math.max].map((of) => points.reduce((so_far, p) => so_far.map((c, k) => of(c, p[k]))));
   }
 
   // From mm to the screen: [right, down, towards the viewer (mm)] for a canvas of a size in px; its `scale` in px/mm.
@@ -113,10 +109,7 @@ const lrmScene = (() => {
       things = lrmArrows.things(c, at, self.dots, self.seen);
       for (const thing of things) thing.put(pen);
       if (c.bar) lrmAxes.bar(pen, width, height, c.largest, lrmArrows.steps(c.colours));
-      pen.font = "12px system-ui, sans-serif";
-      pen.fillStyle = colour("ink");
-      pen.textAlign = "left";
-      pen.textBaseline = "top";
+      lettering(pen, 12, "ink", "left", "top");
       pen.fillText(c.title, 6, 4, width - 12);
     }
 
@@ -132,14 +125,10 @@ const lrmScene = (() => {
       const frame = canvas.getBoundingClientRect();
       return [event.clientX - frame.left, event.clientY - frame.top];
     };
-    function nearest(at) {
-      let best = null, distance = NEAR;
-      self.dots.forEach((p, row) => {
-        const d = Math.hypot(p[0] - at[0], p[1] - at[1]);
-        if (d < distance && self.seen(row)) [best, distance] = [row, d];
-      });
-      return best;
-    }
+    const nearest = (at) => {
+      const near = self.dots.map((p, row) => [Math.hypot(p[0] - at[0], p[1] - at[1]), row]).filter(([d, row]) => d < NEAR && self.seen(row));
+      return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : null;
+    };
     const fingers = new Map();
     const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
     canvas.onpointerdown = (event) => {
@@ -178,8 +167,8 @@ const lrmScene = (() => {
       if (!drag || fingers.size) return;
       self.drag = null;
       if (drag.box) {
-        const [x, y, w, h] = drag.box;
-        on.mark(self.dots.flatMap((p, row) => (p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h && self.seen(row) ? [row] : [])));
+        const [x, y, w, h] = drag.box, inside = (p) => p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h;
+        on.mark([...self.dots.keys()].filter((row) => inside(self.dots[row]) && self.seen(row)));
       } else if (!drag.moved && event.type === "pointerup") {
         const row = nearest(drag.from);
         if (row !== null) on.toggle(row);
