@@ -67,7 +67,9 @@ COMMIT = _commit()
 
 def _machine() -> str:
     load = f", load {os.getloadavg()[1]:.1f}" if hasattr(os, "getloadavg") else ""  # of five minutes
-    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores{load}, Python {platform.python_version()}"
+    alone = ", at real-time priority" if getattr(os, "sched_getscheduler", int)(0) else ""
+    machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores{load}{alone}"
+    return f"{machine}, Python {platform.python_version()}"
 
 
 def _without_folders(word: str) -> str:

@@ -154,10 +154,10 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert does("hold") == "holding\n"
     assert core.mode is Mode.HOLDING
     assert does("relax", "joint6") == "relaxed\n"
-    daemon.sim.run(6)
+    daemon.run(6)
     assert daemon.sim.report.outputs == 0b011111
     assert does("disarm") == "disarmed\n"
-    daemon.sim.run(6)
+    daemon.run(6)
     assert not daemon.sim.report.outputs
     log = does("logs")
     assert "holding -> disarmed: disarmed" in log
@@ -223,7 +223,7 @@ def test_gripper_pan_and_tilt(daemon: InMemoryDaemon, does: Callable[..., str]) 
 def test_estop_and_reset(daemon: InMemoryDaemon, does: Callable[..., str], refuses: Callable[..., str]) -> None:
     does("arm", "--q", ZERO)
     assert does("estop", "--why", "smoke " * 40 + "\033[31m") == "stopped: the pulses are off\n"
-    daemon.sim.run(6)
+    daemon.run(6)
     assert not daemon.sim.report.outputs, "an emergency stop stops, whatever the note says"
     looked = does("state")
     assert looked.startswith("estop (")
@@ -253,7 +253,7 @@ def test_a_stop_while_a_way_is_planned_is_not_followed_by_the_motion(
     ):
         code, _, said = typed(*words)
     assert (code, "stopped since" in said) == (2, True), said
-    daemon.sim.run(60)
+    daemon.run(60)
     assert daemon.sim._pulses() == pulses
 
 
@@ -261,7 +261,7 @@ def test_arming_without_a_pose_says_what_is_needed(daemon: InMemoryDaemon, does,
     assert "(no pose is stored)" in refuses("arm")
     does("arm", "--q", "0,5,0,0,0,0")
     does("disarm")
-    daemon.sim.run(6)
+    daemon.run(6)
     daemon.sim.core.stored = daemon.sim.core.saved(10**18)
     line = refuses("arm")
     assert "where the arm stands" in line
@@ -396,7 +396,7 @@ def test_what_cannot_be_done_is_told_in_one_line(
     does("arm", "--q", ZERO)
     before = daemon.sim.core.position
     assert match in refuses(*words)
-    daemon.sim.run(50)
+    daemon.run(50)
     assert daemon.sim.core.position == before
     assert list(tmp_path.iterdir()) == []
 

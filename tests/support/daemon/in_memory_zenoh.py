@@ -93,7 +93,7 @@ class FakeZenohSession:
     def __init__(self) -> None:
         self._queryables: list[tuple[str, Callable[[FakeQuery], None]]] = []
         self._subscribers: list[tuple[str, Callable[[FakeSample], None]]] = []
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
 
     def declare_queryable(self, key: str, callback: Callable[[FakeQuery], None]) -> None:
         self._queryables.append((key, callback))
@@ -108,13 +108,13 @@ class FakeZenohSession:
         return mock.Mock()
 
     def put(self, key: str, data: bytes, **_: object) -> None:
-        with self._lock:
+        with self.lock:
             for own, callback in self._subscribers:
                 if zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(own)):
                     callback(FakeSample(key, FakePayload(data)))
 
     def get(self, key: str, payload: bytes = b"", **_: object) -> list[FakeReply]:
-        with self._lock:
+        with self.lock:
             queries = []
             for own, callback in self._queryables:
                 if zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(own)):
@@ -142,6 +142,11 @@ class InMemoryDaemon:
         command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
         replies, confirmed = estop_replies(query, boot_id), (lambda: True)
         self.estop = EstopServer(self.session, (command,), query, replies, self.emergency_stop, confirmed, AtOnce())
+
+    def run(self, ticks: int) -> None:
+        """Lets so many ticks pass, none beside a request of another thread: a client renews its lease in one."""
+        with self.session.lock:
+            self.sim.run(ticks)
 
     def _flush(self) -> None:
         for event in self.sim.core.events:

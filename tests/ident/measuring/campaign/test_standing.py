@@ -145,7 +145,7 @@ def test_a_stop_at_a_rest_ends_the_campaign_although_it_looks_at_the_mode(
     pulses = daemon.sim._pulses()
     with pytest.raises(RequestRefused, match="stopped since"):
         arm.go(PlannedPose(2, (0.2, *Q[1:]), 0.0, (1,) * 6, 1))
-    daemon.sim.run(30)
+    daemon.run(30)
     assert daemon.sim._pulses() == pulses
 
 
@@ -161,7 +161,7 @@ def test_a_power_on_session_ends_with_the_pulses_or_the_daemon(daemon: InMemoryD
         off()
         if off == rover.estop:
             rover.reset_fault()
-        daemon.sim.run(6)
+        daemon.run(6)
         rover.arm("given", dict.fromkeys(names, 0.0))
         assert power_on(rover) != before
     rover._session = started("boot2").session  # type: ignore[assignment]
