@@ -48,7 +48,7 @@ def test_the_shipped_file_is_in_order(capsys: pytest.CaptureFixture[str]) -> Non
     config = load_config(CONFIG)
     assert config.names == (*(f"joint{i}" for i in range(1, 7)), "gripper", "pan", "tilt")
     assert sorted(servo.channel for servo in config.servos) == list(range(9))
-    assert config.tick >= 6_500_000, "Conenna 2024, section 5.4"
+    assert config.tick == 6_500_000, "Conenna 2024, section 5.4"
     assert config.step == 1_000
     assert (config.command, config.lease) == (500_000_000, 400_000_000)
     assert config.zenoh.listen == ["tcp/127.0.0.1:7447"], "loopback unless told otherwise"
@@ -63,9 +63,8 @@ def test_the_shipped_file_is_in_order(capsys: pytest.CaptureFixture[str]) -> Non
 def test_a_frame_is_whole_ticks_long_for_timed_moves_and_a_tick_is_never_shorter(
     tmp_path: Path, shaping: str, pwm_hz: float, oscillator_hz: float, ticks: int | None
 ) -> None:
-    text = SHIPPED.replace('shaping = "timed"  ', f'shaping = "{shaping}"  ').replace(
-        "pwm_hz = 50.0", f"pwm_hz = {pwm_hz}"
-    )
+    shaped = f'\n[motion]\nshaping = "{shaping}"\n\n[state]\n'
+    text = SHIPPED.replace("\n[state]\n", shaped).replace("pwm_hz = 50.0", f"pwm_hz = {pwm_hz}")
     (tmp_path / "lrmd.toml").write_text(text.replace("oscillator_hz = 25.0e6", f"oscillator_hz = {oscillator_hz}"))
     config = load_config(tmp_path / "lrmd.toml")
     if ticks is None:

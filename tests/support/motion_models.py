@@ -37,4 +37,4 @@ def motion_table(folder: Path, shaping: str) -> dict[str, str]:
     """Change of `lrmd.toml`'s text (`DaemonSetup.make`): a model of motion, written into a folder, and its shaping."""
     model = swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05), joint4=(6.0, 0.05))
     path = write_motion_model(model, folder / "motion.toml")
-    return {'shaping = "timed" ': f'shaping = "{shaping}"\nmodel = "{path}" '}
+    return {"\n[state]\n": f'\n[motion]\nmodel = "{path}"\nshaping = "{shaping}"\n\n[state]\n'}

@@ -14,7 +14,7 @@ from tests.support.motion_models import motion_text, swinging
 
 TEXT = motion_text(swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05)))
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
-SHAPED = {'shaping = "timed" ': 'shaping = "zv" '}
+SHAPED = {"\n[state]\n": '\n[motion]\nshaping = "zv"\n\n[state]\n'}
 
 
 def test_deployed_used_kept_and_taken_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -163,7 +163,7 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert "holding -> disarmed: disarmed" in log
     assert log.index("arming -> armed") < log.index("moving -> armed: arrived")
     first, second, third = does("info").splitlines()[:3]
-    assert first == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.663 ms, model nominal"
+    assert first == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
     assert "at most 1 us per tick" in second
     assert third.endswith("counts of 4.88 us (50 Hz), so in steps of at most 4.88 us")
     assert daemon.sim.core.lease is None, "every command gave its lease back"
