@@ -77,6 +77,11 @@ class Refit:
         """Held-out error."""
         return error_stats(self.held_out)
 
+    def predicts_no_worse(self, other: Refit) -> bool:
+        """Whether its held-out mean square is no larger than another's, in the session and as deployed."""
+        deployed, others = ((deployed_residual(refit.blocks) ** 2).sum() for refit in (self, other))
+        return bool(self.squares.mean() <= other.squares.mean() and deployed <= others)
+
 
 @dataclass(frozen=True, eq=False)
 class ConfirmedDiagnosis:
@@ -215,13 +220,13 @@ def _simplest(
     diagnosis: Diagnosis, trial: _Trial, blocks: tuple[HeldOutBlock, ...], tested: str
 ) -> tuple[Diagnosis, _Trial]:
     """The diagnosis led by the member of the first effect's class that predicts best when refitted, and its trial:
-    one with fewer parameters where it predicts no worse.
+    one with fewer parameters where it predicts no worse, in the session and as deployed.
 
     The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
     """
     for simpler in diagnosis.simpler_alike()[:MOST_SIMPLER]:
         instead = _refit_trial(diagnosis, simpler, blocks, tested)
-        if trial.refit and instead.refit and instead.refit.squares.mean() <= trial.refit.squares.mean():
+        if trial.refit and instead.refit and instead.refit.predicts_no_worse(trial.refit):
             diagnosis, trial = diagnosis.led_by(simpler), instead
     return diagnosis, trial
 

@@ -62,27 +62,30 @@ def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
     assert set(found.refused) == {"first"}
 
 
-def simplest(patch: Patch, left: float, small: float) -> tuple[str, str]:
-    """Which leads, the effect or a smaller member of its class, by what each leaves refitted, and whose refit it is."""
-    large, member = scored("large"), scored("small")
-    trials = {
-        name: confirm._Trial(SimpleNamespace(squares=np.full(POSES, rest), of=name))  # type: ignore[arg-type]
-        for name, rest in (("large", left), ("small", small))
-    }
+def simplest(patch: Patch, large: tuple[float, float], small: tuple[float, float]) -> str:
+    """Which leads, the effect or a smaller member of its class, by the squares that each leaves refitted, in the
+    session and as deployed."""
+
+    def refit(left: float, deployed: float) -> confirm.Refit:
+        residual, carried = (np.full((POSES, 3), np.sqrt(each / 3)) for each in (left, deployed))
+        block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, deployed_residual=carried)
+        return confirm.Refit(SimpleNamespace(), (block,))  # type: ignore[arg-type]
+
+    first, member = scored("large"), scored("small")
+    trials = {"large": confirm._Trial(refit(*large)), "small": confirm._Trial(refit(*small))}
     patch.setattr(confirm, "_refit_trial", lambda _, one, *__: trials[one.name])
     diagnosis: Any = SimpleNamespace(
-        supported=(large,),
-        simpler_alike=lambda: [member],
-        led_by=lambda other: SimpleNamespace(supported=(other,), simpler_alike=list),
+        supported=(first,), simpler_alike=lambda: [member], led_by=lambda other: SimpleNamespace(supported=(other,))
     )
     led, trial = confirm._simplest(diagnosis, trials["large"], (), "")
-    refit: Any = trial.refit
-    return led.supported[0].name, refit.of
+    assert trial is trials[led.supported[0].name]
+    return led.supported[0].name
 
 
 def test_a_simpler_member_of_the_class_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> None:
-    assert simplest(monkeypatch, 0.5, 0.5) == ("small", "small")
-    assert simplest(monkeypatch, 0.5, 0.51) == ("large", "large")
+    assert simplest(monkeypatch, (0.5, 0.6), (0.5, 0.6)) == "small"
+    assert simplest(monkeypatch, (0.5, 0.6), (0.51, 0.6)) == "large"
+    assert simplest(monkeypatch, (0.5, 0.6), (0.5, 0.61)) == "large"
 
 
 def fitted(at_bound: tuple[str, ...] = ()) -> Any:
