@@ -50,7 +50,7 @@ from lrm_math.model.covariance import ImplausibleEstimate
 from lrm_math.model.deployed_model import of_a_session
 
 MOST_SIMPLER = 2
-"""Members of a class with fewer parameters that are refitted: a bound on time."""
+"""Special cases of an effect that are refitted: a bound on time."""
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
 
@@ -219,8 +219,8 @@ class _Trial:
 def _simplest(
     diagnosis: Diagnosis, trial: _Trial, blocks: tuple[HeldOutBlock, ...], tested: str
 ) -> tuple[Diagnosis, _Trial]:
-    """The diagnosis led by the member of the first effect's class that predicts best when refitted, and its trial:
-    one with fewer parameters where it predicts no worse, in the session and as deployed.
+    """The diagnosis led by a special case of the first effect where that predicts no worse when refitted, in the
+    session and as deployed, and its trial.
 
     The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
     """
@@ -294,8 +294,10 @@ def _beside_which_it_lasts(
 
 
 def _companion(diagnosis: Diagnosis, scored: ScoredCandidate) -> ScoredCandidate | None:
-    """The plain effect that is selected next beside one, or that a selected form is a form of; None without any."""
-    selected = [other.candidate.effect for other in diagnosis.supported if other is not scored]
+    """The plain effect elsewhere that is selected next beside one, or that a selected form is a form of; None without
+    any. Two at one place are rather one cause whose form is wrong."""
+    effects = [other.candidate.effect for other in diagnosis.supported]
+    selected = [effect for effect in effects if effect.place != scored.candidate.effect.place]
     names = {name for effect in selected for name in (variants(effect) if effect.is_free_form else [effect.name])}
     plain = (other for other in diagnosis.scored if other.name in names - {scored.name} and not other.implausible)
     return next(plain, None)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
+from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select, moves_alike
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.candidates import REFINEMENT, Refusal
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
@@ -131,10 +131,14 @@ class Diagnosis:
         return Verdict.UNPREDICTABLE if self.above_floor else Verdict.NOTHING_MISSING
 
     def simpler_alike(self) -> list[ScoredCandidate]:
-        """Members of the first supported effect's class with fewer parameters than it, the most helpful first."""
+        """Special cases of the first supported effect in its class, the most helpful first.
+
+        They have fewer parameters, which move the TCP in a part of what its own can do.
+        """
         first = self.supported[0]
-        alike = [one for one in self.scored if one.name in self.equivalent[first.name] and one.size < first.size]
-        return sorted(alike, key=lambda candidate: candidate.alone.rms)
+        smaller = (one for one in self.scored if one.name in self.equivalent[first.name] and one.size < first.size)
+        special = [one for one in smaller if moves_alike(first, one)]
+        return sorted(special, key=lambda candidate: candidate.alone.rms)
 
     def led_by(self, other: ScoredCandidate) -> Diagnosis:
         """The same with another member of the first supported effect's class in its place."""

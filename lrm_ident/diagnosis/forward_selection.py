@@ -241,9 +241,13 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
 def _inseparable(
     one: ScoredCandidate, with_it: LinearEstimate, rival: ScoredCandidate, instead: LinearEstimate
 ) -> bool:
-    """Whether two effects predict alike, or move the TCP alike, be it in a part of what the larger one can do."""
-    close = paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
-    return close or cosine_of_bases(one.orthonormal, rival.orthonormal) > EQUIVALENCE_COSINE
+    """Whether two effects predict alike, or move the TCP alike."""
+    return paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD or moves_alike(one, rival)
+
+
+def moves_alike(one: ScoredCandidate, other: ScoredCandidate) -> bool:
+    """Whether two effects move the TCP alike, be it in a part of what the larger one can do."""
+    return cosine_of_bases(one.orthonormal, other.orthonormal) > EQUIVALENCE_COSINE
 
 
 def _sharing_a_form(
