@@ -56,7 +56,7 @@ class LiveDaemon(InMemoryDaemon):
             due = time.monotonic()
             while not ended.wait(max(0.0, due - time.monotonic())):
                 due = max(due + tick, time.monotonic() - tick)
-                with self.session._lock:
+                with self.session.lock:
                     self.sim.tick()
                     self._flush()
 

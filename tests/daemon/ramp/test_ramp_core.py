@@ -206,9 +206,9 @@ def test_an_order_branches_off_where_it_says_or_the_servos_stop(
     line.tick(line.order(outputs=1, target=(MIDDLE + 1000 * length,) * 16))
     for _ in range(min(read_at, length - 1)):
         line.tick()
-    left = line.ramp.remaining
+    left, visited = line.ramp.remaining, {line.ramp.position[0]}
     line.tick(branching(line, 2, branch_at, MIDDLE - 20_000))
-    visited = {line.ramp.position[0]}
+    visited.add(line.ramp.position[0])
     for _ in range(200):
         line.tick()
         visited.add(line.ramp.position[0])
