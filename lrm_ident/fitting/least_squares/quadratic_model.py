@@ -69,8 +69,7 @@ class QuadraticModel:
         """Levenberg–Marquardt step: an iterate with no larger objective (else the same one), and the next damping."""
         A = self.objective.gauss_newton(self.rows.normal, self.noise)
         diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
-        before = self.value(self.iterate)
-        refused: Array | None = None
+        before, refused = self.value(self.iterate), None
         while damping < MAX_DAMPING:
             z = self._minimum(A + damping * diagonal)
             if refused is not None and self._is_same(z, refused):

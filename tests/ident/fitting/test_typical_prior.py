@@ -159,7 +159,7 @@ def test_options_of_the_thesis_are_least_squares(lab: Arm) -> None:
     assert found.stated is None
 
 
-@examples(8, 20)
+@settings(max_examples=20, deadline=None)
 @given(told_sd=st.floats(0.1, 20.0))
 def test_the_interval_of_a_scale_that_no_pose_shows_holds_95_percent_of_the_exact_posterior(
     lab: Arm, told_sd: float
