@@ -91,7 +91,7 @@ class Fit(ShownInNotebook):
         if self.stated is not None:
             stated_rows = [row for row, key in enumerate(self.model.free) if key in self.stated.keys]
             prior = self.stated.sd_of([self.model.free[row] for row in stated_rows])
-            out[stated_rows] = np.maximum(1.0 - (self.standard_error[stated_rows] / prior) ** 2, 0.0)
+            out[stated_rows] = 1.0 - (self.standard_error[stated_rows] / prior) ** 2
         return out
 
     @property
@@ -184,15 +184,12 @@ def _fit_of(optimum: Optimum) -> Fit:
         if (prior is None or prior.noise is None) and (shapes := nuisance_shapes(model)):
             inverse = _marginal_inverse(optimum, shapes, noise)
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
-    covariance = covariance * np.outer(objective.typical, objective.typical)
-    if optimum.stated is not None:
-        covariance = optimum.stated.marginalised(model, covariance)
     model = model.with_state(state_after_session(replace(iterate.equilibrium, model=model)))
     return Fit(
         model=model,
         equilibrium=replace(iterate.equilibrium, model=model),
         residual=data.position_error(iterate.equilibrium),
-        covariance=covariance,
+        covariance=covariance * np.outer(objective.typical, objective.typical),
         effective_parameters=parameters,
         sigma=sigma * data.whitening.unit,
         at_bound=tuple(key for key, off in zip(objective.model.free, free, strict=True) if not off),

@@ -88,11 +88,6 @@ class Prior:
         """The prior for the next iterations of a fit that has come to a model: a Gaussian stays as it is."""
         return self
 
-    def marginalised(self, model: Model, covariance: Array) -> Array:
-        """The posterior covariance (P, P) of a model's free parameters, with what a Gaussian at the mode lacks: of a
-        Gaussian prior nothing."""
-        return covariance
-
     def mean_of(self, keys: Sequence[str]) -> Array:
         """(K,), means, SI. Raises `UnknownName`."""
         return self.mean[self._places(keys)]

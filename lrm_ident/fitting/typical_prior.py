@@ -19,7 +19,6 @@ from lrm_ident.fitting.priors import Prior, load_prior, of_the_set_up
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, ParameterRef
 from lrm_math.effects.reference import BASE_OFFSETS
-from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.effects.tracker_errors import MeasurementFrame, TouchedBoard, TouchedPoint
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
@@ -32,16 +31,11 @@ HELD = 1e-6
 """m, rad: standard deviation of what is a convention: the base where touched points stand anywhere, and the length that
 then gives the scale."""
 TOGETHER = (MeasurementFrame.id,)
-"""Effects whose parameters are of one cause and have one multivariate distribution, but for a scale along all axes
-together, which is a cause of its own: a wrong known length shears nothing. Such a scale is an arm that is longer: tails
-of each axis alone would put all of it on as few axes as possible, and a wrong choice is an arm of wrong lengths."""
-SCALES = tuple(f"{MeasurementFrame.id}.{FRAME_PLACE}.scale_{axis}_mm_per_m" for axis in "xyz")
-COMMON_FIRST = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[3.0], [2.0], [6.0]])
-"""Orthonormal: the scale along all axes together, and two that are across it."""
+"""Effects whose parameters are of one cause and have one multivariate distribution. A tracker's scale along all axes
+together is an arm that is longer: tails of each axis alone would put all of it on as few axes as possible, and a wrong
+choice is an arm of wrong lengths."""
 EFFECT_SIZES = 3.0
 """Typical sizes, half the width at half the height of an effect's Cauchy distribution."""
-TWO_SIDED_95 = 1.959964
-QUADRATURE = 4001
 FLAT = 100.0
 """Where an effect's parameter is zero, its prior is so many times wider at first."""
 BASE_SD = {"mm": 0.05, "rad": 0.2}
@@ -52,13 +46,10 @@ BASE_SD = {"mm": 0.05, "rad": 0.2}
 class TypicalPrior(Prior):
     """The default prior.
 
-    Attributes:
-        axes: (P, P), orthonormal combinations of the parameters that are independent, one a row.
-        tail: (P,), half width of their Cauchy distributions, SI; zero where it is Gaussian.
-        block: (P,), number of the distribution of each; those of one number have a multivariate Cauchy distribution.
+    `tail`: (P,), half width of the Cauchy distributions, SI; zero where it is Gaussian. `block`: (P,), number of the
+    distribution of each parameter; those of one number have a multivariate Cauchy distribution together.
     """
 
-    axes: Array
     tail: Array
     block: NDArray[np.int64]
 
@@ -69,42 +60,9 @@ class TypicalPrior(Prior):
 
     def reweighted(self, model: Model) -> TypicalPrior:
         """The prior with the Gaussians that have the slope of its Cauchy distributions at the values of a model."""
-        value = self.axes @ np.array([model.value(key) for key in self.keys])
-        stated = np.diag(self.axes @ self.covariance @ self.axes.T)
-        variance = np.where(self.tail > 0.0, _equal_slope(value, self.tail, self.block), stated)
-        return replace(self, covariance=(self.axes.T * variance) @ self.axes)
-
-    def marginalised(self, model: Model, covariance: Array) -> Array:
-        """The posterior covariance (P', P') of a model's free parameters (SI), its 95 % intervals those of the exact
-        marginals where a Cauchy distribution of one amount tells more of it than the data do.
-
-        There the posterior has that distribution's tails, which the Gaussian of equal slope at the mode lacks. The
-        amount's marginal is that Gaussian exchanged for the distribution (tilted marginal, Minka 2001), all else linear
-        in it.
-        """
-        out, rows = covariance, [model.free.index(key) for key in self.keys]
-        alone = (self.tail > 0.0) & (np.bincount(self.block)[self.block] == 1)
-        for axis, tail in zip(self.axes[alone], self.tail[alone].tolist(), strict=True):
-            along = np.zeros(len(model.free))
-            along[rows] = axis
-            moved, value = out @ along, float(axis @ [model.value(key) for key in self.keys])
-            variance, prior = float(along @ moved), float(axis @ self.covariance @ axis)
-            told = 1.0 / variance - 1.0 / prior if variance > 0.0 else np.inf
-            if told < 1.0 / prior:
-                wider = (_cauchy_radius(value, value / variance, max(told, 0.0), tail) / TWO_SIDED_95) ** 2
-                out = out + (wider / variance - 1.0) * np.outer(moved, moved) / variance
-        return out
-
-
-def _cauchy_radius(centre: float, drawn: float, told: float, tail: float) -> float:
-    """Half width about a centre that holds 95 % of a Cauchy distribution of half width `tail` at half its height times
-    exp(drawn u − ½ told u²)."""
-    u = tail * np.tan(np.pi * ((np.arange(QUADRATURE) + 0.5) / QUADRATURE - 0.5))  # the distribution's quantiles
-    weight = drawn * u - 0.5 * told * u**2
-    apart, weight = np.abs(u - centre), np.exp(weight - weight.max())
-    order = np.argsort(apart)
-    held = np.cumsum(weight[order])
-    return float(apart[order][np.searchsorted(held, 0.95 * held[-1])])
+        value = np.array([model.value(key) for key in self.keys])
+        variance = np.where(self.tail > 0.0, _equal_slope(value, self.tail, self.block), np.diag(self.covariance))
+        return replace(self, covariance=np.diag(variance))
 
 
 def _equal_slope(value: Array, tail: Array, block: NDArray[np.int64]) -> Array:
@@ -127,17 +85,11 @@ def typical_prior(model: Model) -> TypicalPrior:
     kinds = [ParameterRef.parse(key).id for key in keys]
     tail = EFFECT_SIZES * size * [kind not in DIMENSIONS for kind in kinds]
     row_groups = [kinds.index(kind) if kind in TOGETHER else row for row, kind in enumerate(kinds)]
-    axes = np.eye(len(keys))
-    scales = [row for row, key in enumerate(keys) if key in SCALES]
-    if len(scales) == len(SCALES):
-        axes[np.ix_(scales, scales)] = COMMON_FIRST
-        row_groups[scales[0]] = len(keys)
-    block = np.unique(row_groups, return_inverse=True)[1].reshape(-1)
-    value = axes @ np.array([model.value(key) for key in keys])
+    block = np.array(row_groups, dtype=np.int64)
+    value = np.array([model.value(key) for key in keys])
     still = np.bincount(block, value**2)[block] == 0.0
     begun = np.where(still, (FLAT * tail) ** 2, _equal_slope(value, tail, block))
-    variance = np.where(tail > 0.0, begun, size**2)
-    return TypicalPrior(TYPICAL, keys, np.zeros(len(keys)), (axes.T * variance) @ axes, axes, tail, block)
+    return TypicalPrior(TYPICAL, keys, np.zeros(len(keys)), np.diag(np.where(tail > 0.0, begun, size**2)), tail, block)
 
 
 def _size(model: Model, key: str) -> float:

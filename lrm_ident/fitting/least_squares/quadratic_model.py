@@ -15,7 +15,6 @@ from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 
 MUCH_SHORTER = 0.75  # part of a step
-SAME_STEP = 1e-3  # part of it
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 MAX_DAMPING = 1e12
@@ -69,13 +68,9 @@ class QuadraticModel:
         """Levenberg–Marquardt step: an iterate with no larger objective (else the same one), and the next damping."""
         A = self.objective.gauss_newton(self.rows.normal, self.noise)
         diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
-        before, refused = self.value(self.iterate), None
+        before = self.value(self.iterate)
         while damping < MAX_DAMPING:
             z = self._minimum(A + damping * diagonal)
-            if refused is not None and self._is_same(z, refused):
-                damping *= 10.0
-                continue
-            refused = z
             try:
                 arm = self.objective.at(z, self.iterate.equilibrium)
                 trial = with_anchor_fitted(self.objective, arm, self.noise)
@@ -91,10 +86,6 @@ class QuadraticModel:
                 break  # a shorter step would gain no more
             damping *= 10.0
         return self.iterate, damping
-
-    def _is_same(self, z: Array, refused: Array) -> bool:
-        """Whether a step is that to parameters that were refused: much below all curvatures damping changes nothing."""
-        return bool(np.abs(z - refused).max() < SAME_STEP * np.abs(refused - self.iterate.z).max())
 
     def _minimum(self, A: Array) -> Array:
         """Minimum within the bounds for a Hessian `A`, by an active set: parameters that would leave their bounds are

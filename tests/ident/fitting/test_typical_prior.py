@@ -157,29 +157,3 @@ def test_an_arm_file_states_its_own_sizes(lab: Arm) -> None:
 def test_options_of_the_thesis_are_least_squares(lab: Arm) -> None:
     found = fit_model(nominal_model(lab), measured(2, 60), "option1", SQUARED).fit
     assert found.stated is None
-
-
-@settings(max_examples=20, deadline=None)
-@given(told_sd=st.floats(0.1, 20.0))
-def test_the_interval_of_a_scale_that_no_pose_shows_holds_95_percent_of_the_exact_posterior(
-    lab: Arm, told_sd: float
-) -> None:
-    """Oracle: quadrature of a Cauchy distribution times the Gaussian that lengths of their own prior leave of it."""
-    model = model_of(lab, effects_at(lab, "measurement_frame@frame"))
-    model = model.with_free(model.keys)
-    prior = typical_prior(model).reweighted(model)
-    common = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / np.sqrt(3.0)
-    sizes = np.full(6, 1e-5)
-    across = np.eye(6) - np.outer(common, common)
-    told = across / sizes**2 + np.outer(common, common) / (1e-3 * told_sd) ** 2
-    posterior = np.linalg.inv(told + np.linalg.inv(prior.covariance))
-    found = prior.marginalised(model, posterior)
-
-    u = np.linspace(-0.2, 0.2, 400_001)
-    density = np.exp(-0.5 * (u / (1e-3 * told_sd)) ** 2) / (1.0 + (u / 1e-3) ** 2)
-    held = np.cumsum(density) / density.sum()
-    radius = u[np.searchsorted(held, 0.975)]
-    before, after = (1.959964 * float(np.sqrt(common @ c @ common)) for c in (posterior, found))
-    decided_by_prior = 1e-3 * told_sd > np.sqrt(common @ prior.covariance @ common)
-    assert after == pytest.approx(radius if decided_by_prior else before, rel=0.01)
-    np.testing.assert_allclose(across @ found @ across, across @ posterior @ across, rtol=1e-6, atol=1e-18)
