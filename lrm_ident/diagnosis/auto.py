@@ -12,7 +12,8 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, unexplained_mean_square
-from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
+from lrm_ident.diagnosis.candidate_trial import Refit
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence

@@ -41,7 +41,7 @@ from lrm_math.model.step_name import ADD, FIT, REFIT, StepName
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.auto import AutoRun
-    from lrm_ident.diagnosis.confirm import Refit
+    from lrm_ident.diagnosis.candidate_trial import Refit
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal

@@ -13,8 +13,9 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun
+from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objection_to_prediction
 from lrm_ident.diagnosis.claim import with_unit
-from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to_estimates, objection_to_prediction
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude

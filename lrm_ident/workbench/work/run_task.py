@@ -14,7 +14,7 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
-from lrm_ident.diagnosis.confirm import Refit
+from lrm_ident.diagnosis.candidate_trial import Refit
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id

@@ -294,7 +294,7 @@ def test_what_cannot_be_refitted_is_no_structure(
     def not_told(*_: object) -> None:
         raise LrmError("these poses cannot tell it from what the model has already")
 
-    monkeypatch.setattr("lrm_ident.diagnosis.confirm.add_effects", not_told)
+    monkeypatch.setattr("lrm_ident.diagnosis.candidate_trial.add_effects", not_told)
     found = confirm(diagnosed("play2"))
     assert found.refused
     assert not found.supported

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from lrm_ident.diagnosis.confirm import _refit_trial
+from lrm_ident.diagnosis.candidate_trial import refit_trial
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.effect_pairs import EffectPairs
 from lrm_ident.diagnosis.forward_selection import forward_select
@@ -87,7 +87,7 @@ def test_a_curve_of_the_tracker_is_refused_where_it_leaves_more_than_the_noise(n
     """A base that rocks about an oblique axis: the curve imitates it in part, and would not be in the deployed arm."""
     found = diagnosed(name)
     curve = one_of(found, "frame_curve@frame")
-    trial = _refit_trial(found, curve, blocks_of_fit(found.fit, found.data))
+    trial = refit_trial(found, curve, blocks_of_fit(found.fit, found.data))
     assert (trial.objection == Reason(ReasonKind.CURVED_IN_PART)) is refused
 
 
@@ -97,7 +97,7 @@ def test_a_tracker_that_leaves_more_than_the_noise_must_not_make_the_deployed_ar
     with TemporaryDirectory() as folder:
         data, _ = recording.load(Path(folder))
     found = diagnose(Study.of(data).fit().model, data)
-    trial = _refit_trial(found, one_of(found, TRACKER), blocks_of_fit(found.fit, found.data))
+    trial = refit_trial(found, one_of(found, TRACKER), blocks_of_fit(found.fit, found.data))
     assert trial.objection == Reason(ReasonKind.WORSE_DEPLOYED)
     without, with_it = trial.worse_deployed or (0.0, 0.0)
     assert with_it > without
@@ -106,4 +106,4 @@ def test_a_tracker_that_leaves_more_than_the_noise_must_not_make_the_deployed_ar
 def test_a_tracker_that_explains_all_may_change_the_deployed_arm() -> None:
     """What is measured with a stretched tracker cannot tell whether the arm became better."""
     found = diagnosed("stretched")
-    assert _refit_trial(found, one_of(found, TRACKER), blocks_of_fit(found.fit, found.data)).refit
+    assert refit_trial(found, one_of(found, TRACKER), blocks_of_fit(found.fit, found.data)).refit

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis import confirm
+from lrm_ident.diagnosis import candidate_trial, confirm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, changes_too_late, rolling_origin_squares
 from lrm_ident.study.study import Study
@@ -40,18 +40,18 @@ def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Pa
     assert named.sigma < plain.sigma
     assert allows_rolling_origin(study.data)
     assert len(rolling_origin_squares(named, study.data)) == len(study.data) / 4
-    assert confirm._not_better_later([one], plain, named, study.data) is None
+    assert candidate_trial._not_better_later([one], plain, named, study.data) is None
 
 
 def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", part: object = ModelPart.ARM) -> bool:
     """Whether there is an objection to an effect with these forecasts, squared errors (M,)."""
-    patch.setattr(confirm, "allows_rolling_origin", lambda _: True)
-    patch.setattr(confirm, "changes_too_late", lambda *_: False)
-    patch.setattr(confirm, "rolling_origin_squares", lambda fitted, _: fitted.squares)
+    patch.setattr(candidate_trial, "allows_rolling_origin", lambda _: True)
+    patch.setattr(candidate_trial, "changes_too_late", lambda *_: False)
+    patch.setattr(candidate_trial, "rolling_origin_squares", lambda fitted, _: fitted.squares)
     effect: Any = SimpleNamespace(depends_on=(depends_on,), part=part)
     fits: list[Any] = [SimpleNamespace(squares=squares, model=None) for squares in (without, with_it)]
     nothing: Any = None
-    return confirm._not_better_later([effect], *fits, nothing) is not None
+    return candidate_trial._not_better_later([effect], *fits, nothing) is not None
 
 
 @pytest.mark.parametrize(("step", "late"), [(24.0, False), (25.0, False), (26.0, True), (31.0, True)])

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.confirm import wald_p_value
+from lrm_ident.diagnosis.candidate_trial import wald_p_value
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows

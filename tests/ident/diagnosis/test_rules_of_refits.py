@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lrm_ident.diagnosis import auto, confirm, replication
+from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -41,11 +41,11 @@ def confirmed(patch: Patch, left_by_second: float) -> Any:
         return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES), simpler_alike=list)
 
     trials = {
-        "first": confirm._Trial(None, Reason(ReasonKind.NEAR_ZERO)),
-        "second": confirm._Trial(SimpleNamespace(squares=np.full(POSES, left_by_second))),  # type: ignore[arg-type]
+        "first": candidate_trial.CandidateTrial(None, Reason(ReasonKind.NEAR_ZERO)),
+        "second": candidate_trial.CandidateTrial(SimpleNamespace(squares=np.full(POSES, left_by_second))),  # type: ignore[arg-type]
     }
     patch.setattr(confirm, "held_out_squares", lambda _: np.ones(POSES))
-    patch.setattr(confirm, "_refit_trial", lambda _, one, *__: trials[one.name])
+    patch.setattr(confirm, "refit_trial", lambda _, one, *__: trials[one.name])
     patch.setattr(confirm, "select_without", lambda _, names: diagnosis(*([second] if "second" not in names else [])))
     return confirm.confirm(diagnosis(first, second), ("blocks",))  # type: ignore[arg-type]
 
@@ -66,14 +66,17 @@ def simplest(patch: Patch, large: tuple[float, float], small: tuple[float, float
     """Which leads, the effect or a smaller member of its class, by the squares that each leaves refitted, in the
     session and as deployed."""
 
-    def refit(left: float, deployed: float) -> confirm.Refit:
+    def refit(left: float, deployed: float) -> candidate_trial.Refit:
         residual, carried = (np.full((POSES, 3), np.sqrt(each / 3)) for each in (left, deployed))
         block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, deployed_residual=carried)
-        return confirm.Refit(SimpleNamespace(), (block,))  # type: ignore[arg-type]
+        return candidate_trial.Refit(SimpleNamespace(), (block,))  # type: ignore[arg-type]
 
     first, member = scored("large"), scored("small")
-    trials = {"large": confirm._Trial(refit(*large)), "small": confirm._Trial(refit(*small))}
-    patch.setattr(confirm, "_refit_trial", lambda _, one, *__: trials[one.name])
+    trials = {
+        "large": candidate_trial.CandidateTrial(refit(*large)),
+        "small": candidate_trial.CandidateTrial(refit(*small)),
+    }
+    patch.setattr(confirm, "refit_trial", lambda _, one, *__: trials[one.name])
     diagnosis: Any = SimpleNamespace(
         supported=(first,), simpler_alike=lambda: [member], led_by=lambda other: SimpleNamespace(supported=(other,))
     )
@@ -99,8 +102,8 @@ def fitted(at_bound: tuple[str, ...] = ()) -> Any:
 
 
 def test_a_parameter_at_its_bound_is_no_evidence() -> None:
-    assert confirm.wald_p_value(fitted(), ["a.x.p"]) < 1e-9
-    assert confirm.wald_p_value(fitted(("a.x.p",)), ["a.x.p"]) == 1.0
+    assert candidate_trial.wald_p_value(fitted(), ["a.x.p"]) < 1e-9
+    assert candidate_trial.wald_p_value(fitted(("a.x.p",)), ["a.x.p"]) == 1.0
 
 
 def test_of_a_parameter_at_its_bound_neither_error_nor_share_of_the_data_is_stated() -> None:
@@ -111,10 +114,10 @@ def test_of_a_parameter_at_its_bound_neither_error_nor_share_of_the_data_is_stat
 
 def test_an_estimate_that_was_absurd_before_is_no_objection(monkeypatch: Patch) -> None:
     old, new = (SimpleNamespace(key=key, sentence=f"{key} is absurd") for key in ("old", "new"))
-    monkeypatch.setattr(confirm, "implausible_of", lambda fit: fit)
-    monkeypatch.setattr(confirm, "wald_p_value", lambda *_: 0.0)
-    assert confirm.objection_to_estimates((old,), (), (old,)) is None  # type: ignore[arg-type]
-    absurd = confirm.objection_to_estimates((old, new), (), (old,))  # type: ignore[arg-type]
+    monkeypatch.setattr(candidate_trial, "implausible_of", lambda fit: fit)
+    monkeypatch.setattr(candidate_trial, "wald_p_value", lambda *_: 0.0)
+    assert candidate_trial.objection_to_estimates((old,), (), (old,)) is None  # type: ignore[arg-type]
+    absurd = candidate_trial.objection_to_estimates((old, new), (), (old,))  # type: ignore[arg-type]
     assert absurd == Reason(ReasonKind.ABSURD, said="new is absurd")
 
 
@@ -122,7 +125,7 @@ def test_an_error_that_is_said_is_that_of_the_tip_in_mm() -> None:
     """Whatever weights the comparison has."""
     residual = np.full((POSES, 3), 1e-3)
     block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, weighted=100.0 * residual)
-    objection = confirm.objection_to_prediction([block], [block])
+    objection = candidate_trial.objection_to_prediction([block], [block])
     assert objection is not None
     assert objection.kind == ReasonKind.NOT_BETTER
     assert objection.numbers == pytest.approx([np.sqrt(3) * 1e-3] * 2)

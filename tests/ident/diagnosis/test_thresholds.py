@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lrm_ident.diagnosis import confirm, forward_selection, unexplained_structure
+from lrm_ident.diagnosis import candidate_trial, forward_selection, unexplained_structure
 from lrm_ident.diagnosis.attribution import attribute_steps
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.evidence import Evidence
@@ -52,18 +52,18 @@ def surely_better(z: float, _: Patch) -> bool:
 
 
 def worse_as_deployed(z: float, patch: Patch) -> bool:
-    patch.setattr(confirm, "rows_as_deployed", lambda *_: slice(None))
-    patch.setattr(confirm, "deployed_residual", lambda blocks: np.sqrt(blocks)[:, None])
+    patch.setattr(candidate_trial, "rows_as_deployed", lambda *_: slice(None))
+    patch.setattr(candidate_trial, "deployed_residual", lambda blocks: np.sqrt(blocks)[:, None])
     fit = SimpleNamespace(model=None, equilibrium=SimpleNamespace(poses=None))
     refit: Any = SimpleNamespace(fit=fit, blocks=squares())
     cause: Any = SimpleNamespace(is_free_form=False)
-    return confirm._worse_as_deployed([cause], refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
+    return candidate_trial._worse_as_deployed([cause], refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
 
 
 def parameters_near_zero(p_value: float, patch: Patch) -> bool:
-    patch.setattr(confirm, "wald_p_value", lambda *_: p_value)
-    patch.setattr(confirm, "implausible_of", lambda _: ())
-    return confirm.objection_to_estimates(None, (), ()) is not None  # type: ignore[arg-type]
+    patch.setattr(candidate_trial, "wald_p_value", lambda *_: p_value)
+    patch.setattr(candidate_trial, "implausible_of", lambda _: ())
+    return candidate_trial.objection_to_estimates(None, (), ()) is not None  # type: ignore[arg-type]
 
 
 def worth_naming(share: float, _: Patch) -> bool:
@@ -295,7 +295,7 @@ def test_a_form_of_the_arm_that_leaves_the_deployed_error_is_refused(monkeypatch
 
     def refused(before: object, after: object) -> bool:
         refit: Any = SimpleNamespace(fit=fit, blocks=after)
-        return confirm._worse_as_deployed([form], refit, before) is not None  # type: ignore[arg-type]
+        return candidate_trial._worse_as_deployed([form], refit, before) is not None  # type: ignore[arg-type]
 
     assert refused(fallen(0.01, 0.5), squares())
     assert not refused(squares(), fallen(0.01, 0.5))

@@ -1,0 +1,228 @@
+"""Trial of one candidate: refitted in full beside everything else, cross-validated, and judged as it is deployed.
+
+Screening (`diagnose`) is linear. An effect is confirmed if its own parameters differ from zero (Wald test), the
+held-out error falls significantly (Vuong test) and the deployed model is not worse. What goes on after the session must
+also predict later poses better from earlier ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import chdtrc
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.fitting.cross_validation import blocks_of_fit
+from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
+from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
+from lrm_ident.residual.better_prediction import paired_z, predicts_better
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
+from lrm_ident.residual.deployment.rolling_origin import (
+    allows_rolling_origin,
+    changes_too_late,
+    rolling_origin_squares,
+    same_forecasts,
+)
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_WALD_P, MIN_GAIN, ONE_DEVIATION, Z_THRESHOLD
+from lrm_math.arrays import Array
+from lrm_math.effects import Effect, ModelPart, variants
+from lrm_math.errors import LrmError
+from lrm_math.model.covariance import ImplausibleEstimate
+from lrm_math.model.deployed_model import of_a_session
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model with one candidate added, everything refitted, and cross-validated."""
+
+    fit: Fit
+    blocks: tuple[HeldOutBlock, ...]
+
+    @property
+    def held_out(self) -> Array:
+        """(N, 3), its held-out residual (m)."""
+        return held_out_residual(self.blocks)
+
+    @cached_property
+    def squares(self) -> Array:
+        """(N,), its `held_out_squares`."""
+        return held_out_squares(self.blocks)
+
+    @property
+    def error(self) -> ErrorStats:
+        """Held-out error."""
+        return error_stats(self.held_out)
+
+    def predicts_no_worse(self, other: Refit) -> bool:
+        """Whether its held-out mean square is no larger than another's, in the session and as deployed."""
+        deployed, others = ((deployed_residual(refit.blocks) ** 2).sum() for refit in (self, other))
+        return bool(self.squares.mean() <= other.squares.mean() and deployed <= others)
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateTrial:
+    """Trial of a candidate: its refit, or the objection to it; whether the fit converged; see `worse_deployed`."""
+
+    refit: Refit | None
+    objection: Reason | None = None
+    fitted: bool = True
+    worse_deployed: tuple[float, float] | None = None
+    beside: str = ""
+
+
+def refit_trial(
+    diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...], tested: str = ""
+) -> CandidateTrial:
+    """Refits the model with a candidate, and tests its parameters (Wald) and its held-out error (Vuong)."""
+    data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
+    try:
+        fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
+        keys = [effect.keys[row] for row in scored.candidate.rows]
+        if objection := objection_to_estimates(fitted, keys, implausible_of(diagnosis.fit)):
+            return CandidateTrial(None, objection)
+        if _bends_what_it_measures(effect) and _leaves_more_than_noise(diagnosis, fitted):
+            return CandidateTrial(None, Reason(ReasonKind.CURVED_IN_PART))
+        refit = Refit(fitted, blocks_of_fit(fitted, data))
+    except LrmError as error:
+        return CandidateTrial(None, Reason(ReasonKind.NOT_REFITTED, said=str(error)), fitted=False)
+    if objection := objection_to_prediction(blocks, refit.blocks):
+        return CandidateTrial(None, objection)
+    if scored.name == tested:
+        return CandidateTrial(refit)
+    objected = _objection_as_deployed(diagnosis, [effect], refit, blocks)
+    if objected is None:
+        return CandidateTrial(refit)
+    beside = _beside_which_it_lasts(diagnosis, scored, refit, blocks)
+    return CandidateTrial(refit, beside=beside) if beside else objected
+
+
+def _objection_as_deployed(
+    diagnosis: Diagnosis, effects: Sequence[Effect], refit: Refit, blocks: tuple[HeldOutBlock, ...]
+) -> CandidateCandidateTrial | None:
+    """What speaks against the deployed model of a refit with further effects; None where nothing does.
+
+    Where a tracker's error is among them and nothing but noise is left, its points cannot judge the arm.
+    """
+    of_tracker = any(effect.part is ModelPart.MEASUREMENT for effect in effects)
+    judges_arm = not of_tracker or _leaves_more_than_noise(diagnosis, refit.fit)
+    if judges_arm and (worse := _worse_as_deployed(effects, refit, blocks)):
+        return CandidateTrial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
+    if later := _not_better_later(effects, diagnosis.fit, refit.fit, diagnosis.data):
+        return CandidateTrial(None, Reason(ReasonKind.NOT_BETTER_LATER, later))
+    return None
+
+
+def _beside_which_it_lasts(
+    diagnosis: Diagnosis, scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]
+) -> str:
+    """The plain effect (`_companion`) beside which nothing speaks against the deployed model with this one, or empty.
+
+    Two effects of the session hide each other: what one leaves unexplained spoils the forecasts of the other.
+    """
+    other = _companion(diagnosis, scored)
+    if other is None:
+        return ""
+    effects = [scored.candidate.effect, other.candidate.effect]
+    try:
+        fitted = add_effects(refit.fit.model, diagnosis.data, effects[1:], other.shape, diagnosis.fit.loss)
+        both = Refit(fitted, blocks_of_fit(fitted, diagnosis.data))
+    except LrmError:
+        return ""
+    objected = objection_to_prediction(refit.blocks, both.blocks)
+    return "" if objected or _objection_as_deployed(diagnosis, effects, both, blocks) else other.name
+
+
+def _companion(diagnosis: Diagnosis, scored: ScoredCandidate) -> ScoredCandidate | None:
+    """The plain effect elsewhere that is selected next beside one, or that a selected form is a form of; None without
+    any. Two at one place are rather one cause whose form is wrong."""
+    effects = [other.candidate.effect for other in diagnosis.supported]
+    selected = [effect for effect in effects if effect.place != scored.candidate.effect.place]
+    names = {name for effect in selected for name in (variants(effect) if effect.is_free_form else [effect.name])}
+    plain = (other for other in diagnosis.scored if other.name in names - {scored.name} and not other.implausible)
+    return next(plain, None)
+
+
+def _bends_what_it_measures(effect: Effect) -> bool:
+    """Whether it is a free form of an effect of the measurement: it imitates much that the arm does."""
+    return effect.part is ModelPart.MEASUREMENT and effect.is_free_form
+
+
+def _leaves_more_than_noise(diagnosis: Diagnosis, fitted: Fit) -> bool:
+    """Whether a refit leaves more than a known noise, beyond what that may be misstated."""
+    return diagnosis.floor.sd is not None and fitted.sigma > FLOOR_RATIO * diagnosis.floor.sd
+
+
+def _worse_as_deployed(
+    effects: Sequence[Effect], refit: Refit, blocks: tuple[HeldOutBlock, ...]
+) -> tuple[float, float] | None:
+    """Held-out RMS (m) as deployed before and after a refit that is surely worse there, or of a form not better; else
+    None.
+
+    What it explains passes with the session, and what was traded against it would stay behind in the arm. A form of
+    the arm shows no cause: it is worth its prediction alone.
+    """
+    rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
+    before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
+    forms = all(effect.is_free_form and not of_a_session(effect) for effect in effects)
+    allowed = 0.0 if forms else ONE_DEVIATION
+    if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= allowed:
+        return None
+    return error_stats(before).rms, error_stats(after).rms
+
+
+def _not_better_later(
+    effects: Sequence[Effect], before: Fit, after: Fit, data: Measurements
+) -> tuple[float, float] | None:
+    """RMS (m) of later poses predicted from those before them, without and with effects of a session whose forecasts
+    are not surely better; None where they are, or cannot judge them.
+
+    Whether a state outlasts its session only later poses can tell. Other effects, and a change about when the last
+    forecast began or after, are judged by the cross-validation alone.
+    """
+    lasting = [effect for effect in effects if of_a_session(effect) and effect.part is not ModelPart.MEASUREMENT]
+    if not lasting or not allows_rolling_origin(data):
+        return None
+    if any(changes_too_late(effect, after.model, data) for effect in lasting):
+        return None
+    without, with_it = rolling_origin_squares(before, data), rolling_origin_squares(after, data)
+    if same_forecasts(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:
+        return None
+    return float(np.sqrt(without.mean())), float(np.sqrt(with_it.mean()))
+
+
+def objection_to_estimates(
+    fitted: Fit, keys: Collection[str], before: Collection[ImplausibleEstimate]
+) -> Reason | None:
+    """Why the estimates of a refit give no evidence for an effect with the parameters `keys`; None where they do.
+
+    These may all be zero (Wald test), or the refit makes an estimate absurd that was not so `before`.
+    """
+    if wald_p_value(fitted, keys) > MAX_WALD_P:
+        return Reason(ReasonKind.NEAR_ZERO)
+    keys_before = {estimate.key for estimate in before}
+    new = [estimate.sentence for estimate in implausible_of(fitted) if estimate.key not in keys_before]
+    return Reason(ReasonKind.ABSURD, said=new[0]) if new else None
+
+
+def objection_to_prediction(before: Sequence[HeldOutBlock], after: Sequence[HeldOutBlock]) -> Reason | None:
+    """Why cross-validations without and with an effect give no evidence for it (Vuong test); None where they do."""
+    if predicts_better(held_out_squares(after), held_out_squares(before), MIN_GAIN):
+        return None
+    return Reason(ReasonKind.NOT_BETTER, tuple(error_stats(held_out_residual(each)).rms for each in (before, after)))
+
+
+def wald_p_value(fitted: Fit, keys: Collection[str]) -> float:
+    """p value of the Wald test (1943) that some parameters are all zero; 1 if none was fitted off its bounds."""
+    rows = [row for row, key in enumerate(fitted.model.free) if key in keys and key not in fitted.at_bound]
+    if not rows:
+        return 1.0
+    z = np.array([fitted.model.value(fitted.model.free[row]) for row in rows]) / fitted.standard_error[rows]
+    return float(chdtrc(len(rows), z @ np.linalg.pinv(fitted.correlation[np.ix_(rows, rows)], hermitian=True) @ z))
