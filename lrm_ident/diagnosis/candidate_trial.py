@@ -106,7 +106,7 @@ def refit_trial(
 
 def _objection_as_deployed(
     diagnosis: Diagnosis, effects: Sequence[Effect], refit: Refit, blocks: tuple[HeldOutBlock, ...]
-) -> CandidateCandidateTrial | None:
+) -> CandidateTrial | None:
     """What speaks against the deployed model of a refit with further effects; None where nothing does.
 
     Where a tracker's error is among them and nothing but noise is left, its points cannot judge the arm.

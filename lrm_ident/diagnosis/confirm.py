@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.diagnosis.candidate_trial import Refit, CandidateTrial, refit_trial
+from lrm_ident.diagnosis.candidate_trial import CandidateTrial, Refit, refit_trial
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
 from lrm_ident.diagnosis.judgement import Verdict
