@@ -69,7 +69,13 @@ class Refit:
 
 @dataclass(frozen=True, eq=False)
 class CandidateTrial:
-    """Trial of a candidate: its refit, or the objection to it; whether the fit converged; see `worse_deployed`."""
+    """Trial of a candidate: its refit, or the objection to it.
+
+    Attributes:
+        fitted: whether the fit converged.
+        worse_deployed: held-out RMS (m) of the deployed model without and with it, where that is the objection.
+        beside: the effect beside which alone nothing speaks against its deployed model; empty: it needs none.
+    """
 
     refit: Refit | None
     objection: Reason | None = None
@@ -81,7 +87,10 @@ class CandidateTrial:
 def refit_trial(
     diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...], tested: str = ""
 ) -> CandidateTrial:
-    """Refits the model with a candidate, and tests its parameters (Wald) and its held-out error (Vuong)."""
+    """Refits the model with a candidate; tests its parameters (Wald), held-out error (Vuong), and the deployed model.
+
+    `tested`: an effect of which it is known already that the deployed model is better with it.
+    """
     data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
     try:
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
@@ -141,8 +150,10 @@ def _beside_which_it_lasts(
 
 
 def _companion(diagnosis: Diagnosis, scored: ScoredCandidate) -> ScoredCandidate | None:
-    """The plain effect elsewhere that is selected next beside one, or that a selected form is a form of; None without
-    any. Two at one place are rather one cause whose form is wrong."""
+    """The plain effect elsewhere that is selected beside one, or that a selected form is a form of; None without any.
+
+    Two at one place are rather one cause whose form is wrong.
+    """
     effects = [other.candidate.effect for other in diagnosis.supported]
     selected = [effect for effect in effects if effect.place != scored.candidate.effect.place]
     names = {name for effect in selected for name in (variants(effect) if effect.is_free_form else [effect.name])}

@@ -25,7 +25,7 @@ from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN
 from lrm_math.arrays import Array
 
-MOST_SIMPLER = 2
+MOST_SPECIAL_CASES = 2
 """Special cases of an effect that are refitted: a bound on time."""
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
@@ -136,7 +136,7 @@ def confirm(
         on_progress(f"refitting with {scored.name}")
         trial = refit_trial(selection, scored, blocks, tested)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-            selection, trial = _simplest(selection, trial, blocks, tested)
+            selection, trial = _led_by_special_case(selection, trial, blocks, tested)
             return ConfirmedDiagnosis(
                 selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse, beside=trial.beside
             )
@@ -153,7 +153,7 @@ def confirm(
     return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)
 
 
-def _simplest(
+def _led_by_special_case(
     diagnosis: Diagnosis, trial: CandidateTrial, blocks: tuple[HeldOutBlock, ...], tested: str
 ) -> tuple[Diagnosis, CandidateTrial]:
     """The diagnosis led by a special case of the first effect where that predicts no worse when refitted, in the
@@ -161,10 +161,10 @@ def _simplest(
 
     The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
     """
-    for simpler in diagnosis.simpler_alike()[:MOST_SIMPLER]:
-        instead = refit_trial(diagnosis, simpler, blocks, tested)
+    for special in diagnosis.special_cases()[:MOST_SPECIAL_CASES]:
+        instead = refit_trial(diagnosis, special, blocks, tested)
         if trial.refit and instead.refit and instead.refit.predicts_no_worse(trial.refit):
-            diagnosis, trial = diagnosis.led_by(simpler), instead
+            diagnosis, trial = diagnosis.led_by(special), instead
     return diagnosis, trial
 
 

@@ -130,7 +130,7 @@ class Diagnosis:
             return Verdict.NOISE_UNKNOWN
         return Verdict.UNPREDICTABLE if self.above_floor else Verdict.NOTHING_MISSING
 
-    def simpler_alike(self) -> list[ScoredCandidate]:
+    def special_cases(self) -> list[ScoredCandidate]:
         """Special cases of the first supported effect in its class, the most helpful first.
 
         They have fewer parameters, which move the TCP in a part of what its own can do.

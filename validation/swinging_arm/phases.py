@@ -35,7 +35,7 @@ WITHIN = (0.0005, 0.0001)
 """m: distances from its rest within which a tip counts as settled."""
 
 
-def distances(rover: SwingingRover, paths: list[Array], frame: float) -> Array:
+def distances_from_rest(rover: SwingingRover, paths: list[Array], frame: float) -> Array:
     """(N, PHASES, T), m, of the tips from their rest after the ends of N moves.
 
     `paths`: (M + 1, n) each, rad, what the board is told after each tick; `frame`: s.
@@ -77,23 +77,23 @@ def distances(rover: SwingingRover, paths: list[Array], frame: float) -> Array:
     return np.asarray(np.linalg.norm(tips - tips[:, :, -1:], axis=3))
 
 
-def settled(away: Array, within: float) -> Array:
+def settling_times(away: Array, within: float) -> Array:
     """(N, PHASES), s, after which the tip stays within a distance (m)."""
     far = away[..., ::-1] > within
     return np.where(far.any(axis=-1), (far.shape[-1] - np.argmax(far, axis=-1)) * STEP * EVERY, 0.0)
 
 
-def right(told: Array, true: Array) -> Array:
+def hits_of(told: Array, true: Array) -> Array:
     """Whether times are right within 20 %, or 0.1 s."""
     return np.asarray(np.abs(told - true) <= np.maximum(0.2 * true, 0.1))
 
 
-def best_share(true: Array) -> float:
+def best_hit_rate(true: Array) -> float:
     """The largest share of times (P,) for which one number is right."""
-    return float(max(right(told, true).mean() for told in (*true, *np.linspace(0.0, true.max(), 200))))
+    return float(max(hits_of(told, true).mean() for told in (*true, *np.linspace(0.0, true.max(), 200))))
 
 
-def scored(pwm_hz: float, kind: str, moves: int, clock: float) -> dict[str, object]:
+def shaper_row(pwm_hz: float, kind: str, moves: int, clock: float) -> dict[str, object]:
     """The moves of one shaper; `clock`: relative error of the board's clock."""
     rover = SwingingRover(pwm_hz, kind)
     channels = {s.name: s.channel for s in rover.config.servos if s.name in rover.arm.joint_names}
@@ -102,7 +102,7 @@ def scored(pwm_hz: float, kind: str, moves: int, clock: float) -> dict[str, obje
     legs = [rover.move(rng.uniform(-1.0, 1.0, rover.arm.dof)) for _ in range(moves)]
     paths = [rover.known._path(leg.move) for _, leg in legs]
     frame = rover.known._frame * (1.0 + clock)
-    away = np.concatenate([distances(rover, paths[k : k + AT_ONCE], frame) for k in range(0, moves, AT_ONCE)])
+    away = np.concatenate([distances_from_rest(rover, paths[k : k + AT_ONCE], frame) for k in range(0, moves, AT_ONCE)])
     swing = 1e3 * np.sqrt(np.mean(away[..., round(0.2 / STEP / EVERY) : round(2.2 / STEP / EVERY)] ** 2, axis=2))
     row: dict[str, object] = {
         "pwm_hz": pwm_hz, "shaping": kind, "clock": clock, "tick_ms": 1e3 * rover.tick_s,
@@ -111,8 +111,8 @@ def scored(pwm_hz: float, kind: str, moves: int, clock: float) -> dict[str, obje
     for within in WITHIN:
         motion = rover.config.motion.model_copy(update={"within_mm": 1e3 * within})
         predictor = MotionPredictor(replace(rover.config, motion=motion), known_model(rover.arm))
-        told, true = np.array([predictor.settle_s(leg) for _, leg in legs]), settled(away, within)
-        hits, best = right(told[:, None], true).mean(axis=1), np.array([best_share(times) for times in true])
+        told, true = np.array([predictor.settle_s(leg) for _, leg in legs]), settling_times(away, within)
+        hits, best = hits_of(told[:, None], true).mean(axis=1), np.array([best_hit_rate(times) for times in true])
         row[f"within_{1e3 * within:g}_mm"] = {
             "settling_s": float(true.mean()), "median_ratio": float(np.median(told[:, None] / np.maximum(true, 0.02))),
             **{
@@ -135,7 +135,7 @@ def main() -> None:
     given = parser.parse_args()
     rows = []
     for pwm_hz, kind in itertools.product(given.pwm, given.kinds):
-        rows.append(scored(pwm_hz, kind, given.moves, given.clock))
+        rows.append(shaper_row(pwm_hz, kind, given.moves, given.clock))
         print(json.dumps(rows[-1]), flush=True)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1) + "\n")

@@ -19,7 +19,7 @@ SURE_AFTER_S = 1.0
 """s of work after which its rate says how long the rest takes."""
 
 
-class Command(NamedTuple):
+class PageAction(NamedTuple):
     """What a person may do: what the button says, the deed or the address of a tab, a hint, the key, what allows it."""
 
     text: str
@@ -29,19 +29,19 @@ class Command(NamedTuple):
     able: str = ""
 
 
-Button = Callable[[Command], ui.button]
+Button = Callable[[PageAction], ui.button]
 
 
-def step_commands(session: WorkbenchSession) -> Iterator[Command]:
+def step_commands(session: WorkbenchSession) -> Iterator[PageAction]:
     """The commands that change the model, and those that look for what is missing."""
-    yield Command("Auto", session.auto, "add effects as advised until none is left", "", "ready")
-    yield Command("Diagnose again", session.diagnose, MISSING, "", "can_diagnose")
-    yield Command("Next poses", session.next_poses, MEASURE, "", "can_choose_poses")
-    yield Command("Propose a formula", session.propose, "where no known effect explains the error (P)", "p", "ready")
+    yield PageAction("Auto", session.auto, "add effects as advised until none is left", "", "ready")
+    yield PageAction("Diagnose again", session.diagnose, MISSING, "", "can_diagnose")
+    yield PageAction("Next poses", session.next_poses, MEASURE, "", "can_choose_poses")
+    yield PageAction("Propose a formula", session.propose, "where no known effect explains the error (P)", "p", "ready")
     helps = "predict the remaining error without a name, where that surely helps"
-    yield Command(ADD_FIELD, session.add_field, helps, "", "ready")
-    yield Command("Undo", session.undo, "take the last step back (U)", "u", "can_undo")
-    yield Command("Redo", session.redo, "take it again (R)", "r", "can_redo")
+    yield PageAction(ADD_FIELD, session.add_field, helps, "", "ready")
+    yield PageAction("Undo", session.undo, "take the last step back (U)", "u", "can_undo")
+    yield PageAction("Redo", session.redo, "take it again (R)", "r", "can_redo")
 
 
 class WorkShown:
@@ -55,7 +55,7 @@ class WorkShown:
                 self.what = ui.label()
                 bar = ui.linear_progress(0.0, show_value=False).classes("lrm-bar-of-work")
                 self.bar = bar.props('instant-feedback aria-label="progress"')
-                button(Command("Cancel", session.cancel, "end this work (Esc)"))
+                button(PageAction("Cancel", session.cancel, "end this work (Esc)"))
         failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
         failure.bind_text_from(session, "failure")
         ui.html(TOLD.format(verdict="", sentence="", facts=""), sanitize=False)
@@ -87,12 +87,12 @@ def file_notices(session: WorkbenchSession, button: Button) -> None:
     with ui.element("div").classes("lrm-notice").props('id="lrm-stale" role=alert') as stale:
         changed = "{} has changed on disk. What is shown is as it was read."
         ui.label().bind_text_from(session, "step", lambda one: changed.format(one.files.data.name) if one else "")
-        button(Command("Reload", session.reload, "read the file as it is now; the model stays"))
-        button(Command("Keep", session.keep, "go on with the measurements as they were read"))
+        button(PageAction("Reload", session.reload, "read the file as it is now; the model stays"))
+        button(PageAction("Keep", session.keep, "go on with the measurements as they were read"))
     stale.bind_visibility_from(session, "stale")
     with ui.element("div").classes("lrm-notice").props('id="lrm-offer" role=status') as offer:
         words = "Last session with {}: {}"
         ui.label().bind_text_from(session, "offered", lambda one: words.format(one.data.name, one.model) if one else "")
-        button(Command("Go on", session.resume, "open the model and the measurements of the last session"))
-        button(Command("Not now", session.decline, "stay here"))
+        button(PageAction("Go on", session.resume, "open the model and the measurements of the last session"))
+        button(PageAction("Not now", session.decline, "stay here"))
     offer.bind_visibility_from(session, "offered", lambda one: one is not None and len(session.taken.steps) <= 1)

@@ -14,7 +14,15 @@ from nicegui import ui
 from lrm_ident.report.plots.interactive import assets
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab import dialogs
-from lrm_ident.workbench.tab.command_bar import MEASURE, MISSING, SAVE, Command, WorkShown, file_notices, step_commands
+from lrm_ident.workbench.tab.command_bar import (
+    MEASURE,
+    MISSING,
+    SAVE,
+    PageAction,
+    WorkShown,
+    file_notices,
+    step_commands,
+)
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.work.tasks import section_html
 from lrm_math.errors import LrmError
@@ -96,7 +104,7 @@ class WorkbenchPage:
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
             if motion:
-                self._button(Command("Motion", "/lrm/motion", moves))
+                self._button(PageAction("Motion", "/lrm/motion", moves))
             self.primary = ui.button(on_click=lambda: self._press("advised")).props("no-caps unelevated")
             with self.primary.classes("lrm-primary"):
                 self.name = ui.label().classes("lrm-name-of-effect")
@@ -107,32 +115,34 @@ class WorkbenchPage:
                     for one in self._menu():
                         self._button(one) if one else ui.element("hr")
 
-    def _menu(self) -> Iterator[Command | None]:
+    def _menu(self) -> Iterator[PageAction | None]:
         """All that may be done but what is advised; None: a line between."""
-        yield Command("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
-        yield Command("Save…", self._save, SAVE, "s")
-        yield Command("Report", "/lrm/report", "all in one file")
-        yield Command("Commands", lambda: dialogs.commands_dialog(self.session), "what was done, as commands (C)", "c")
+        yield PageAction("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
+        yield PageAction("Save…", self._save, SAVE, "s")
+        yield PageAction("Report", "/lrm/report", "all in one file")
+        yield PageAction(
+            "Commands", lambda: dialogs.commands_dialog(self.session), "what was done, as commands (C)", "c"
+        )
         live = partial(dialogs.live_dialog, self.session, self.rover, self._do)
-        yield Command("Live…", live, "follow a file that grows, or a rover")
+        yield PageAction("Live…", live, "follow a file that grows, or a rover")
         yield None
         yield from step_commands(self.session)
         yield None
-        yield Command("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
-        yield Command("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark")
+        yield PageAction("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
+        yield PageAction("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark")
 
-    def _advised(self) -> tuple[str, Command]:
+    def _advised(self) -> tuple[str, PageAction]:
         """What the primary button does now, by its name: Add, as soon as an effect is chosen."""
         session, shown = self.session, self.session.shown
         if self.chosen is not None:
             add = "add the chosen effect and refit everything (A)"
-            return "add", Command(f"Add: {self.chosen.title}", self._add, add, "a", "ready")
+            return "add", PageAction(f"Add: {self.chosen.title}", self._add, add, "a", "ready")
         if shown is None or not shown.diagnosed:
             words = "Diagnose" if session.can_diagnose else "Diagnosing…"
-            return "diagnose", Command(words, session.diagnose, MISSING, "", "can_diagnose")
+            return "diagnose", PageAction(words, session.diagnose, MISSING, "", "can_diagnose")
         if shown.complete:
-            return "save…", Command("Save the model…", self._save, SAVE, "s", "ready")
-        return "next poses", Command("Choose the next poses", session.next_poses, MEASURE, "", "ready")
+            return "save…", PageAction("Save the model…", self._save, SAVE, "s", "ready")
+        return "next poses", PageAction("Choose the next poses", session.next_poses, MEASURE, "", "ready")
 
     def _show_advised(self) -> None:
         name, one = self._advised()
@@ -141,7 +151,7 @@ class WorkbenchPage:
         self.primary.set_enabled(getattr(self.session, one.able))
         self.name.set_text(self.chosen.name if self.chosen else "")
 
-    def _button(self, one: Command) -> ui.button:
+    def _button(self, one: PageAction) -> ui.button:
         """A button; an address opens by itself: browsers block tabs that a script opens after the server's answer."""
         link, do = (f' href="{one.do}" target="_blank"', None) if isinstance(one.do, str) else ("", one.do)
         button = ui.button(one.text, on_click=None if do is None else lambda: self._do(do))

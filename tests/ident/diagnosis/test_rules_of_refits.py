@@ -38,7 +38,7 @@ def confirmed(patch: Patch, left_by_second: float) -> Any:
     first, second = scored("first", 0.5), scored("second")
 
     def diagnosis(*supported: Any) -> Any:
-        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES), simpler_alike=list)
+        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES), special_cases=list)
 
     trials = {
         "first": candidate_trial.CandidateTrial(None, Reason(ReasonKind.NEAR_ZERO)),
@@ -62,8 +62,8 @@ def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
     assert set(found.refused) == {"first"}
 
 
-def simplest(patch: Patch, large: tuple[float, float], small: tuple[float, float]) -> str:
-    """Which leads, the effect or a smaller member of its class, by the squares that each leaves refitted, in the
+def leading(patch: Patch, large: tuple[float, float], small: tuple[float, float]) -> str:
+    """Which leads, the effect or a special case of it, by the squares that each leaves refitted, in the
     session and as deployed."""
 
     def refit(left: float, deployed: float) -> candidate_trial.Refit:
@@ -78,17 +78,17 @@ def simplest(patch: Patch, large: tuple[float, float], small: tuple[float, float
     }
     patch.setattr(confirm, "refit_trial", lambda _, one, *__: trials[one.name])
     diagnosis: Any = SimpleNamespace(
-        supported=(first,), simpler_alike=lambda: [member], led_by=lambda other: SimpleNamespace(supported=(other,))
+        supported=(first,), special_cases=lambda: [member], led_by=lambda other: SimpleNamespace(supported=(other,))
     )
-    led, trial = confirm._simplest(diagnosis, trials["large"], (), "")
+    led, trial = confirm._led_by_special_case(diagnosis, trials["large"], (), "")
     assert trial is trials[led.supported[0].name]
     return led.supported[0].name
 
 
-def test_a_simpler_member_of_the_class_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> None:
-    assert simplest(monkeypatch, (0.5, 0.6), (0.5, 0.6)) == "small"
-    assert simplest(monkeypatch, (0.5, 0.6), (0.51, 0.6)) == "large"
-    assert simplest(monkeypatch, (0.5, 0.6), (0.5, 0.61)) == "large"
+def test_a_special_case_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> None:
+    assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.6)) == "small"
+    assert leading(monkeypatch, (0.5, 0.6), (0.51, 0.6)) == "large"
+    assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.61)) == "large"
 
 
 def fitted(at_bound: tuple[str, ...] = ()) -> Any:

@@ -64,6 +64,12 @@ def test_several_paths_and_frequencies_give_the_time_of_a_share_of_their_cases()
         for path in paths
         for off in (0.9, 1.1)
     )
+    both = sorted(
+        settling_after(known, START, paths[:1], step, 1e-4, frequency_factors=(off,)).seconds for off in (0.9, 1.1)
+    )
+    for share, expected in ((1.0, both[1]), (0.5, both[0])):
+        alike = settling_after(known, START, paths[[0, 0]], step, 1e-4, frequency_factors=(0.9, 1.1), share=share)
+        assert alike.seconds == pytest.approx(expected), "exact where the ways are the same"
     for share, expected in ((1.0, single[-1]), (0.5, single[2]), (0.75, single[4])):
         found = settling_after(known, START, paths, step, 1e-4, frequency_factors=(0.9, 1.1), share=share)
         assert found.seconds == pytest.approx(expected, abs=1.0 / 3.0), (
