@@ -60,7 +60,8 @@ class AutoRun(ShownInNotebook):
     @cached_property
     def report(self) -> DiagnosisReport:
         """Report of the last diagnosis."""
-        return report_of(self.confirmed)
+        classes = {step.added: step.evidence.equivalent for step in self.steps if step.added}
+        return replace(report_of(self.confirmed), indistinguishable=classes)
 
     @property
     def explained(self) -> tuple[float, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -90,6 +90,8 @@ class DiagnosisReport(ShownInNotebook):
         share: of the held-out mean square above the noise that the first candidate takes away.
         patterns: of the residual, without a name. hints: patterns of the estimates, which are no effects.
         replicates: whether the first candidate is chosen in both halves of the data.
+        indistinguishable: of effects of the model (`effect@place`), those that the poses could not distinguish from
+            them when they were added.
         beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.
     """
 
@@ -106,6 +108,7 @@ class DiagnosisReport(ShownInNotebook):
     hints: tuple[str, ...]
     replicates: bool = True
     beside: str = ""
+    indistinguishable: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         fit = self.diagnosis.fit

@@ -134,7 +134,9 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
-        return build_report(screened or self.screen(rates), self._say, compared if self.prior_name == TYPICAL else None)
+        known = compared if self.prior_name == TYPICAL else None
+        report = build_report(screened or self.screen(rates), self._say, known)
+        return replace(report, indistinguishable=self._indistinguishable)
 
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`) or candidate and refits everything, without the diagnosis's outliers.
@@ -325,6 +327,14 @@ class Study(ModelOnData, ShownInNotebook):
             return tuple(str(entry.name) for entry in self.source.history)
         before = () if self.before is None else self.before._steps
         return (*before, str(self.step.name)) if self.step is not None and self.step.name else before
+
+    @property
+    def _indistinguishable(self) -> dict[str, tuple[str, ...]]:
+        """Of each effect that was added: those that the poses could not distinguish from it."""
+        if self.source is not None:
+            return {entry.name.added: tuple(entry.indistinguishable) for entry in self.source.history}
+        before = {} if self.before is None else self.before._indistinguishable
+        return before if self.step is None else before | {self.step.added: self.step.evidence.equivalent}
 
     @property
     def _filed(self) -> Study | None:

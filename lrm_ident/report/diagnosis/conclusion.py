@@ -159,12 +159,15 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
 
 
 def _quiet_headline(report: DiagnosisReport) -> str:
-    """That nothing more is missing; what the model has already stands first."""
-    known, words = list(map(plain_name, _has_already(report))), HEADLINES[report.verdict]
+    """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
+    known, words = list(_has_already(report)), HEADLINES[report.verdict]
     if not known:
         return words
-    named, rest = enumerate_words(known, IN_HEADLINE), words.removeprefix(NONE_FOUND).lstrip(":, ")
-    return f"{named[0].upper()}{named[1:]} {'is' if len(known) == 1 else 'are'} in the model; {rest}"
+    named, rest = enumerate_words(list(map(plain_name, known)), IN_HEADLINE), words.removeprefix(NONE_FOUND)
+    them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
+    other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
+    unsure = any(report.indistinguishable.get(name) for name in known)
+    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {rest.lstrip(':, ')}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -215,7 +218,9 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     """What to do with one's hands: about the identified cause, or about those that the model has already."""
     first = report.first
     if report.verdict.quiet:
-        return repair_advice(*list(_has_already(report).values())[:LISTED])
+        known = _has_already(report)
+        certain = [effect for name, effect in known.items() if not report.indistinguishable.get(name)]
+        return NOT_YET if known and not certain else repair_advice(*certain[:LISTED])
     if first is not None and attribution == Support.FINDING and not first.equivalent:
         return repair_advice(first.scored.candidate.effect)
     return NOT_YET

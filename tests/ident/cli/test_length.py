@@ -42,14 +42,14 @@ COMMANDS = [
     "explain RMS",
     "design lrm-lab --model model.toml --separate backlash@joint2,servo_gain@joint2 --have DATA.csv -n 10 -o next.csv",
     "design two-joint -n 10 -o poses.csv",
-    "identify-parameters two-joint poses.csv",
+    "identify-parameters two-joint designed.csv",
     "transfer better.toml --to lrm-rover -o rover.toml",
     "align fixture.csv --known-mm 245,0,40",
     "stiffness one-servo.csv",
     "arm show lrm-lab",
     "arm new -o my-arm.toml",
     "arm export lrm-lab -o lab.urdf",
-    "arm import lab.urdf -o imported.toml",
+    "arm import drawn.urdf -o imported.toml",
     "camera board -o board.pdf",
     "sockets board -o sockets.stl",
     "motion effects",
@@ -69,6 +69,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     stdout_of("fit", here / "DATA.csv", "-o", here / "model.toml")
     stdout_of("add", here / "model.toml", here / "DATA.csv", "backlash@joint2", "-o", here / "better.toml")
     stdout_of("fit", here / RIG, "--arm", "lrm-lab", "-o", here / "rig.toml")
+    stdout_of("design", "two-joint", "-n", "10", "-o", here / "designed.csv")
+    stdout_of("arm", "export", "lrm-lab", "-o", here / "drawn.urdf")
     return here
 
 

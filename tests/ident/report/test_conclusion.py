@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP, DiagnosisReport
 from lrm_ident.diagnosis.judgement import Verdict
-from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude
+from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.study.study import Study
@@ -44,6 +45,27 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
+
+
+def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> None:
+    """Nor is it advised to replace the gear where a cable may be the cause."""
+    name = "backlash@joint2"
+    found = conclude(replace(better_study.diagnose(), indistinguishable={name: ("cable_spring@joint2",)}))
+    assert found.headline == (
+        "Backlash in joint 2, or another cause that these poses cannot distinguish from it, is in the model; "
+        "no systematic error is left."
+    )
+    assert dict(found.facts)["repair"] == NOT_YET
+
+
+def test_a_study_knows_what_could_not_be_distinguished_also_from_its_file(better_study: Study, tmp_path: Path) -> None:
+    assert better_study.step is not None
+    evidence = replace(better_study.step.evidence, equivalent=("cable_spring@joint2",))
+    study = replace(better_study, step=replace(better_study.step, evidence=evidence))
+    study.save(tmp_path / "better.toml")
+    opened = lrm.read_study(tmp_path / "better.toml", EXAMPLE)
+    for one in (study, opened):
+        assert one._indistinguishable["backlash@joint2"] == ("cable_spring@joint2",)
 
 
 def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
