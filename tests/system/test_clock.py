@@ -75,6 +75,7 @@ def by_probe(setup: DaemonSetup, board: BoardProcess) -> Operator:
     operator.answers("Angle where it stands", "0")
     operator.answers("ENTER: switch it on", "")
     operator.asked("measured >")
+    wait_for(lambda: bool(board.pulses()), "the board puts the pulse out")
     operator.answers("", f"{board.pulses()[0]:.0f}us")
     return operator
 
