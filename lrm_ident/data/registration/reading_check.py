@@ -159,7 +159,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
     if read.overdetermined and min(scored.share for scored in every) > DOUBTFUL:
-        every += _unrelated_columns(points, read)
+        every += [*_unrelated_columns(points, read), *_shifted_rows(points, data, rows)]
     best = min(scored.share for scored in every)
     alike = [scored for scored in every if scored.share <= max(ALIKE * best, FLOOR)]
     simplest = min(scored.hypothesis.complexity for scored in alike)
@@ -287,6 +287,17 @@ def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
     if points.reading.frame != "unknown":
         every = (*_with_imputed_angles(points), *_with_imputed_coordinates(points))
         yield from (s for s in map(points.scored, every) if s.share < IMPROVED * read.share)
+
+
+def _shifted_rows(points: PointSet, data: Measurements, rows: NDArray[np.int64]) -> Iterator[Scored]:
+    """The positions, each with the joint angles of the row before or after."""
+    for by, which in ((-1, "before"), (1, "after")):
+        kept = rows[(rows + by >= 0) & (rows + by < len(data))]
+        moved = replace(points, poses=data.poses.take(kept), tcp=data.tcp[kept])
+        words = f"each position belongs to the joint angles of the row {which}"
+        remedy = "shift the columns of the positions by one row"
+        hypothesis = moved.as_read.also(words, COMPOUND, remedy)
+        yield moved.scored(replace(hypothesis, q=data.poses.q[kept + by]))
 
 
 def _with_imputed_angles(points: PointSet) -> Iterator[Hypothesis]:

@@ -50,7 +50,7 @@ def found(lab: Arm, patch: Patch, read: Scored, *others: Scored) -> list[str]:
     patch.setattr(reading_check.PointSet, "scored", lambda *_: read)
     patch.setattr(reading_check, "_hung_otherwise", lambda *_: ())
     patch.setattr(reading_check, "_alternatives", lambda _: iter(others))
-    for name in ("_other_arms", "_unrelated_columns"):
+    for name in ("_other_arms", "_unrelated_columns", "_shifted_rows"):
         patch.setattr(reading_check, name, nothing)
     checked = check_reading(lab, data)
     assert checked is not None
