@@ -39,7 +39,7 @@ from validation.hidden_effects.data import ARM_FILE, NOISE_M, spoiled
 from validation.hidden_effects.faults.cases import FAULT_CASES
 from validation.synthetic import GroundTruth, HiddenEffect, OneSidedGain, SoftPlay, load_arm, measure, random_poses
 from validation.synthetic import base_displacement_to_deviations as as_deviations
-from validation.synthetic.generate import Schedule, directions, even_schedule
+from validation.synthetic.generate import Schedule, directions
 from validation.synthetic.screws import rotation_matrix
 
 pytestmark = pytest.mark.usefixtures("one_step_folds")
@@ -232,17 +232,6 @@ def test_all_six_motions_of_base_and_tool_are_there(lab: Arm) -> None:
 PLAIN_KINDS = (Backlash, ServoGain, Eccentricity, LateralCompliance)
 
 
-def healthy(seed: int, count: int = 200, noise_sd: float | None = NOISE) -> Measurements:
-    """An arm without hidden effects."""
-    described = load_arm(ARM_FILE)
-    truth = as_deviations(described, GroundTruth.random(described, seed, ()))
-    q, number = random_poses(described, count, seed, floor_m=0.1), np.arange(1, count + 1)
-    plan, load = even_schedule(*q.shape), np.random.default_rng(seed).choice([0.0, 0.0663], count)
-    tcp = measure(described, truth, q, load, NOISE, seed, plan)
-    poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s)
-    return Measurements(poses, number, tcp, None, noise_sd, number, Path("synthetic.csv"), "")
-
-
 @given(
     st.integers(0, 10_000),
     st.integers(2, 12),
@@ -264,7 +253,7 @@ def test_a_block_that_carries_its_neighbours_positions_is_found_and_no_other(
 @pytest.mark.slow
 def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab: Arm) -> None:
     """Before: a link that bends by 0 ± 0, from 8.69 to 0.55 mm, since 27 parameters came free with it."""
-    data = healthy(3)
+    data = measured(3, count=200)
     tcp, rows = data.tcp.copy(), np.arange(99, 114)
     tcp[rows] = data.tcp[rows - 1]
     slipped = replace(data, tcp=tcp)
@@ -282,7 +271,7 @@ def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab
 def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed: int) -> None:
     """An arm that rises under its load, as far as a fit to shifted rows can tell: springs cannot be negative."""
     springs = model_of(lab, effects_at(lab, "compliance"))
-    rng, data = np.random.default_rng(seed), healthy(seed, 60)
+    rng, data = np.random.default_rng(seed), measured(seed, count=60)
     bent = springs.with_values(rng.uniform(0.01, 0.05, len(springs.keys)))
     rigid, sagged = (solve_equilibrium(each, data.poses).tcp for each in (springs, bent))
     risen = replace(data, tcp=2.0 * rigid - sagged)
@@ -298,7 +287,7 @@ def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed:
 def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, seed: int) -> None:
     """One parameter: two deviations are the limit. Of none: certain."""
     model = model_of(lab, effects_at(lab, "offsets"))
-    fitted = fit_identifiable(model, healthy(seed, 80), model.keys).fit
+    fitted = fit_identifiable(model, measured(seed, count=80), model.keys).fit
     for key, error in zip(fitted.model.free, fitted.standard_error, strict=True):
         deviations = abs(fitted.model.value(key)) / error
         assert (wald_p_value(fitted, [key]) > MAX_WALD_P) == (deviations < 2.0) or deviations == (
@@ -309,7 +298,7 @@ def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, se
 
 @pytest.mark.slow
 def test_without_a_known_noise_nothing_missing_is_never_said(lab: Arm) -> None:
-    data = healthy(4)
+    data = measured(4, count=200)
     model = base_fit(lab, data)
     assert build_report(diagnose(model, data, PLAIN_KINDS)).verdict == "nothing_missing"
     blind = replace(data, noise_sd=None)

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
+
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.rigid_motion import rotation_vectors
 from lrm_ident.design.pose_design import DesignProblem, design
@@ -56,9 +58,6 @@ from validation.camera.scene import (
     write_lens_photos,
     write_poses,
 )
-
-pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
-
 
 NOISE = 0.2  # px
 LENS = WEBCAM.model_copy(update={"noise_px": NOISE})
@@ -261,9 +260,6 @@ def test_commands_from_photos_to_data(tmp_path: Path) -> None:
         "camera", "read", tmp_path / "arm", *given[:-1], tmp_path / "other.csv"
     )
     assert not (tmp_path / "other.csv").exists()
-
-
-pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
 
 BOARDS = {
