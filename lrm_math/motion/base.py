@@ -122,7 +122,7 @@ class MotionEffect(ABC):
         return None
 
     def hung(self, p: Values) -> tuple[Array, Array, Array] | None:
-        """ω² (1/s²), 2ζω (1/s) and inertia over J₀ of a mass that is read, on a spring behind the joint, (P, 1) each."""
+        """ω² (1/s²), 2ζω (1/s) and inertia over J₀, (P, 1) each, of a mass on a spring behind the joint; it is read."""
         return None
 
     def reading(self, q: Array, drive: JointDrive, p: Values) -> Array:

@@ -42,7 +42,7 @@ def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: J
 
 
 def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointDrive, start: Array) -> Array:
-    """(M + 1, P, S), angle (rad) of the joint that the servo leads along the set-point u, or of what swings behind it."""
+    """(M + 1, P, S), angle (rad) of the joint that a servo leads along the set-point u, or of what swings behind it."""
     response = next((p for effect, p in pairs if isinstance(effect, ServoResponse)), None)
     if response is None:
         return np.concatenate([u[:1], u])

@@ -27,7 +27,7 @@ def two_masses(stiffness: Array, braking: Array, second: tuple[Array, Array, Arr
     """(4, 4, ...), matrix of a step of h (s) of F, v, z and ż: deflection and speed of the first mass, z of the second.
 
     The second lies z ahead of the first and pushes back (scaling and squaring; Moler & Van Loan 2003):
-    v̇ = stiffness F − braking v + m (s z + b ż), z̈ = −s z − b ż − v̇, where `second` is s, b and its share m of the first.
+    v̇ = stiffness F − braking v + m (s z + b ż), z̈ = −s z − b ż − v̇; `second`: s, b and its share m of the first.
     """
     k, d, s, b, m = np.broadcast_arrays(stiffness, braking, *second)
     none = np.zeros_like(k)

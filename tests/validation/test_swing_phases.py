@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from validation.swinging_arm.phases import EVERY, STEP, best_hit_rate, distances_from_rest, settling_times
 from validation.swinging_arm.rig import SwingingRover
@@ -18,6 +19,13 @@ def test_one_of_the_phases_is_that_of_the_simulated_arm() -> None:
     grid = STEP * EVERY * np.arange(len(phases[0]))
     off = [np.sqrt(np.mean((np.interp(at + late, grid, one) - away) ** 2)) for one in phases for late in (-0.0065, 0.0)]
     assert min(off) < 0.1 * np.sqrt(np.mean(away**2)) < 0.5 * max(off)
+
+
+def test_where_moves_are_timed_a_frame_is_whole_ticks() -> None:
+    """The rig's configuration is the shipped one with the shaping that is asked for."""
+    rover = SwingingRover(50.0, "timed")
+    assert rover.config.motion.shaping == "timed"
+    assert rover.known._frame / rover.tick_s == pytest.approx(3.0, abs=1e-6)
 
 
 def test_the_oracle_is_right_for_the_largest_share_that_one_number_can_be_right_for() -> None:

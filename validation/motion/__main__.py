@@ -85,9 +85,7 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
                 off[key] = (study.model.values[key] - value) / study.model.sigma[key]
     before = start.fits[joint].held_out_rms
     degrees = [float(np.degrees(value)) for value in (before, after, noise)]
-    return MotionOutcome(
-        case.name, joint + 1, named, rest, verdict, *degrees, off, time.monotonic() - begun
-    )
+    return MotionOutcome(case.name, joint + 1, named, rest, verdict, *degrees, off, time.monotonic() - begun)
 
 
 def main() -> None:
@@ -122,7 +120,9 @@ def main() -> None:
     held, of = (sum(one.inside[k] for _, one in found) for k in (0, 1))
     print(f"{dict(verdicts)}; 95 % intervals that hold the truth: {held} of {of}")
     for name, offs in by_parameter([one for _, one in found]).items():
-        print(f"  {name:28} {int(np.sum(np.abs(offs) <= 1.96)):3} of {len(offs):3}, farthest {np.max(np.abs(offs)):.1f}")
+        print(
+            f"  {name:28} {int(np.sum(np.abs(offs) <= 1.96)):3} of {len(offs):3}, farthest {np.max(np.abs(offs)):.1f}"
+        )
     if given.json:
         cases = [{"written": when, **asdict(one), "inside": one.inside} for when, one in found]
         given.json.write_text(json.dumps({"seed": given.seed, "cases": cases}, indent=1) + "\n")
