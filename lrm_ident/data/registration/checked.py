@@ -21,13 +21,12 @@ from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.moved_frame import moved_frame
+from lrm_ident.data.registration.point_set import Scored, registered
 from lrm_ident.data.registration.reading_check import (
     DOUBTFUL,
     ReadingCheck,
-    Scored,
     check_reading,
     compared_rows,
-    registered,
 )
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.touched import in_frame_of_touches, misread_touches

@@ -13,7 +13,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.coarse_fit import coarse_fit
-from lrm_ident.data.registration.reading_check import registered
+from lrm_ident.data.registration.point_set import registered
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity
 from lrm_math.arm.arm import Arm

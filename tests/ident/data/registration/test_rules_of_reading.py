@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.registration import reading_check
-from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading
+from lrm_ident.data.registration.point_set import Scored
+from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
 from lrm_math.arm.arm import Arm
 
 Patch = pytest.MonkeyPatch
