@@ -283,11 +283,26 @@ def _within_limits(table: NumberTable, angles: PoseQuantity) -> NumberTable:
     return NumberTable(cells, quantities, tuple(beyond))
 
 
+def _numbered_through(table: NumberTable) -> NumberTable:
+    """The table with the rows numbered 1, 2, 3 …, with a notice, where each session numbers its own from anew."""
+    session = table.column("session")
+    if session is None or "repeat_of" in table or len(np.unique(table["pose"])) == len(table):
+        return table
+    if len(np.unique(np.stack([session, table["pose"][:, 0]], axis=1), axis=0)) < len(table):
+        return table
+    notice = f"each session has its own pose numbers: the rows are taken as poses 1 to {len(table)}, in their order"
+    cells = replace(table.cells, notices=(*table.cells.notices, notice))
+    return replace(
+        table, cells=cells, quantities={**table.quantities, "pose": np.arange(1.0, len(table) + 1.0)[:, None]}
+    )
+
+
 def checked_rows(table: NumberTable) -> NumberTable:
     """The table of measured poses, each with the number of the pose that it repeats, its own where the cell is empty.
 
     Raises `FileError`: a number that stands twice, a repetition of no pose, or a row without position and distance.
     """
+    table = _numbered_through(table)
     cells, pose, first = table.cells, table.integers("pose"), dict[int, int]()
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:

@@ -145,6 +145,16 @@ def test_times_that_are_rather_milliseconds_are_said(lab: Arm, tmp_path: Path) -
     np.testing.assert_allclose(renamed.poses.t, as_it_is.poses.t)
 
 
+def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp_path: Path) -> None:
+    rows, at = rows_of(40), EXAMPLE.read_text().splitlines()[0].split(",").index("session")
+    second = [[str(number), *row[1:at], "2", *row[at + 1 :]] for number, row in enumerate(rows[20:], start=1)]
+    data = load_measurements(example(tmp_path, [*rows[:20], *second]), lab)
+    np.testing.assert_array_equal(data.pose, np.arange(1, 41))
+    assert any("each session has its own pose numbers" in words for words in data.notices)
+    with pytest.raises(FileError, match="pose 5 stands in line 6 already"):
+        load_measurements(example(tmp_path, [*rows[:20], rows[4], *second]), lab)
+
+
 def test_a_repetition_elsewhere_is_said(lab: Arm, tmp_path: Path) -> None:
     names = [*EXAMPLE.read_text().splitlines()[0].split(","), "repeat_of"]
     rows = [[*row, "1" if row[0] == "9" else ""] for row in rows_of(20)]
