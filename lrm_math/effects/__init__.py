@@ -37,6 +37,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "compliance.Compliance",
         "compliance.BaseCompliance",
         "compliance.LateralCompliance",
+        "compliance.ToolCompliance",
         "compliance.NonlinearStiffness",
         "backlash.Backlash",
         "backlash.AxialPlay",

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import ClassVar
 
-from lrm_math.arm.arm import BASE, Arm, TypicalSizes
+import numpy as np
+
+from lrm_math.arm.arm import BASE, TOOL, Arm, TypicalSizes
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -78,6 +81,36 @@ class Compliance(PlainSpring):
     def targets(self) -> tuple[str, ...]:
         """The joint's angle, or the base's tilt about y."""
         return ("base.beta",) if self.place == BASE else (f"{self.place}.theta",)
+
+
+class ToolCompliance(PlainSpring):
+    """Turns of the tool on the last link about its three axes, under the moments of what it carries."""
+
+    id = "tool_compliance"
+    about = Description(
+        cause="The mount of the tool gives way: a load that is gripped turns it against the last link.",
+        formula="turn of the tool about x, y and z: k_x M_x, k_y M_y, k_z M_z",
+        source="rotational virtual springs as in Klimchik et al. 2014, at the tool",
+        claim="{place} turns by {k_x_rad_per_Nm}, {k_y_rad_per_Nm}, {k_z_rad_per_Nm} about x, y, z",
+        needs="different loads (payload_g)",
+    )
+    targets: ClassVar[tuple[str, ...]] = tuple(f"{TOOL}.{turn}" for turn in ("alpha", "beta", "gamma"))
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """One about each axis, as large as of the joints of such an arm."""
+        size = self.arm.typical_sizes.compliance
+        names = {axis: f"compliance of the mount about {axis}" for axis in "xyz"}
+        return tuple(Parameter(f"k_{axis}_rad_per_Nm", words, size, lower=0.0) for axis, words in names.items())
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """The tool."""
+        return (TOOL,)
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The load must differ: with one load it is, as it hangs, much like an error of the tool."""
+        return None if len(np.unique(excitation.poses.payload)) > 1 else "all poses have one load"
 
 
 class ServoDroop(PlainSpring, LoadedJointEffect):

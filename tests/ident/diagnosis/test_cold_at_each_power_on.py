@@ -28,7 +28,7 @@ def test_a_warm_up_that_begins_anew_is_named(tmp_path: Path) -> None:
     """Before: drift counted from the start of the data alone, so creep of another joint was identified for it."""
     data, arm, rng = random_arm_data("two-joint", 5, poses=POSES), load_arm("two-joint"), np.random.default_rng(2)
     true = model_of(arm, effects_at(arm, "offsets"), {"offsets.joint1.theta_rad": 0.02})
-    t, session = np.linspace(0.0, 12.0 * POSES, POSES), 1 + 3 * np.arange(POSES) // POSES
+    t, session = np.linspace(0.0, 12.0 * POSES, POSES), 1.0 + np.floor(3.0 * np.arange(POSES) / POSES)
     since = t - np.array([t[session == one][0] for one in session])
     q = data.poses.q.copy()
     q[:, 1] += WARM_RAD * (1.0 - np.exp(-since / CONSTANT_S))
@@ -58,4 +58,5 @@ def test_one_session_leaves_its_beginning_open(lab: Arm) -> None:
     assert drift.shapes_to_try(twice)[ANEW] == (0.0, 1.0)
     same = (0.01, 0.0, 200.0)
     np.testing.assert_array_equal(drift.amounts(once, (), (*same, 0.0)), drift.amounts(once, (), (*same, 1.0)))
-    assert np.ptp(np.subtract(drift.amounts(twice, (), (*same, 0.0)), drift.amounts(twice, (), (*same, 1.0)))) > 0.001
+    apart = np.array(drift.amounts(twice, (), (*same, 0.0))) - np.array(drift.amounts(twice, (), (*same, 1.0)))
+    assert np.ptp(apart) > 0.001
