@@ -141,7 +141,7 @@ def _index_table(title: str, chosen: Observability, random: Observability) -> Re
     return ResultTable(columns, [(name, *vars(indices).values()) for name, indices in named], title)
 
 
-def _known(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
+def known_sets(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
     """Accuracy expected of each set of poses that there is."""
     sets = {"now": found.before, "with these": found.after, "with random poses": found.random_after}
     return {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
@@ -149,7 +149,7 @@ def _known(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
 
 def _error_table(found: PoseDesign) -> ResultTable:
     """The parameters that stay least known, as motion of the TCP."""
-    known = _known(found)
+    known = known_sets(found)
     columns = ("parameter (mm of TCP motion)", *(f"{name}|.3f" for name in known))
     worst = np.argsort(-found.after.standard_errors)[:WORST_SHOWN]
     rows = [(found.keys[j], *(knowledge.standard_errors[j] for knowledge in known.values())) for j in worst]
@@ -161,7 +161,7 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
 
     A cell is empty where a rival is never detectable.
     """
-    known = _known(found)
+    known = known_sets(found)
     errors = zip(*(knowledge.standard_errors for knowledge in known.values()), strict=True)
     rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(found.keys, errors, strict=True)]
     for rivals in zip(*(knowledge.rivals for knowledge in known.values() if knowledge.rivals), strict=True):
@@ -230,7 +230,7 @@ def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTab
 
     Both of its first parameter.
     """
-    known = {name: one.rivals for name, one in _known(found).items() if one.rivals}
+    known = {name: one.rivals for name, one in known_sets(found).items() if one.rivals}
     if not known:
         return
     rows = []

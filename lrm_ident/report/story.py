@@ -43,6 +43,11 @@ class StoryStep:
     rms_mm: float
     deployed_rms_mm: float | None = None
 
+    @property
+    def explained(self) -> float:
+        """Mean square (mm²) that was taken away."""
+        return self.before_rms_mm**2 - self.rms_mm**2
+
 
 @dataclass(frozen=True)
 class Story:
@@ -65,12 +70,16 @@ class Story:
     of_tracker: bool = False
 
     @property
+    def added(self) -> tuple[StoryStep, ...]:
+        """The steps after the fit."""
+        return self.steps[2:]
+
+    @property
     def sentence(self) -> str:
         """The whole course in one line."""
-        added = self.steps[2:]
         left = [f"{one.title} {in_mm(one.rms_mm * MM)}" for one in self.steps[:2]]
-        if added:
-            left.append(f"{_counted(added)} {in_mm(added[-1].rms_mm * MM)}")
+        if self.added:
+            left.append(f"{_counted(self.added)} {in_mm(self.added[-1].rms_mm * MM)}")
         return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
