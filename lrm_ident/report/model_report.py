@@ -153,9 +153,9 @@ class ModelReport:
         floor, story, known = self.floor_mm or 0.0, self._story({}), [card.evidence for card in self.cards]
         if self.diagnosis is None or story is None or not story.held_out:
             return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if one.describes else None for one in known)
-        little = [takes_little(fall.rms_mm, fall.before_rms_mm, floor) for fall in story.added]
+        little = [takes_little(fall.rms_mm, fall.before_rms_mm, floor) for fall in story.later]
         known = [replace(one, describes=one.describes or so) for one, so in zip(known, little, strict=True)]
-        steps = [(fall.explained, one) for fall, one in zip(story.added, known, strict=True)]
+        steps = [(fall.explained, one) for fall, one in zip(story.later, known, strict=True)]
         return attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"])))
 
     @property

@@ -1,4 +1,4 @@
-"""The log: lines in order, and nobody waits for whoever reads it."""
+"""What a process of the daemon leaves behind: lines of the log in order, few heaps."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from lrmd.heap import ARENAS
 from lrmd.log import LINES, BackgroundFile
 from tests.support.broken_output import BROKEN_OUTPUTS
 
@@ -46,3 +47,38 @@ def test_without_a_standard_error_no_other_file_is_written_to(tmp_path: Path) ->
     shell = ["sh", "-c", 'exec "$0" -c "$1" "$2" 2>&-', sys.executable, program, str(tmp_path / "other")]
     done = subprocess.run(shell, stdout=subprocess.PIPE, text=True, timeout=20)
     assert (done.returncode, done.stdout, (tmp_path / "other").read_text()) == (0, "", "")
+
+
+ROOT = Path(__file__).resolve().parents[2]
+COUNT = """
+import ctypes, tempfile, threading
+from lrmd.heap import return_freed_memory
+{settings}
+libc, together = ctypes.CDLL(None), threading.Barrier(8)
+libc.fopen.restype = libc.malloc.restype = ctypes.c_void_p
+def work():
+    together.wait(10.0)
+    libc.malloc(ctypes.c_size_t(50_000))
+    together.wait(10.0)
+threads = [threading.Thread(target=work) for _ in range(8)]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+with tempfile.NamedTemporaryFile() as file:
+    stream = ctypes.c_void_p(libc.fopen(file.name.encode(), b"w"))
+    libc.malloc_info(0, stream)
+    libc.fclose(stream)
+    print(file.read().decode().count("<heap nr="))
+"""
+
+
+def heaps(settings: str) -> int:
+    done = subprocess.run(
+        [sys.executable, "-c", COUNT.format(settings=settings)], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return int(done.stdout)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the daemon runs on Linux")
+def test_threads_share_few_heaps() -> None:
+    assert heaps("return_freed_memory()") <= ARENAS < heaps("")

@@ -7,7 +7,7 @@ ELSEWHERE = {
     "lrm_skills.behaviours": "tests/skills/test_state_machines.py",
     "lrm_skills.rafcon_library": "tests/skills/test_state_machines.py",
     "lrmd.api.router_process": "tests/system/test_estop_path.py",
-    "lrmd.cli.clock_calibration": "tests/daemon/cli/test_clock_calibration.py",
+    "lrmd.cli.clock_calibration": "tests/daemon/cli/test_servo_calibration.py",
     "lrmd.cli.motion": "tests/daemon/cli/test_lrm_cli.py",
     "lrmd.cli.servo_calibration": "tests/daemon/cli/test_servo_calibration.py",
     "lrmd.cli.skill": "tests/daemon/cli/test_lrm_cli.py",

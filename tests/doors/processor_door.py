@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import random
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from examples.so101.feetech_servo import FeetechServo
 from lrm_math.errors import LrmError
 from tests.doors.door import DoorKind
 from tests.doors.lerobot_classes import plug_in
-from tests.doors.servos_door import MODEL, NAMES, ServosDoor, placed
+from tests.doors.servos_door import NAMES, ServosDoor, by_model, in_degrees
 from tests.doors.simulated_follower import SimulatedFollower
 
 
@@ -28,40 +26,21 @@ class ProcessorDoor(ServosDoor):
         self.pipelines: tuple[Any, Any] | None = None
 
     def torque_on(self) -> None:
-        """See `MotionDoor`."""
         self.follower.connect()
         self.pipelines = plug_in("pipelines").calibrated_processors(self.follower, self.model)
 
     def ask(self, wish: Sequence[float]) -> None:
-        """See `MotionDoor`."""
         if self.pipelines is None:
             raise LrmError("torque is off")
         action, observation = self.pipelines
         seen = self.follower.get_observation()
         observation(seen)
-        degrees = {f"{name}.pos": 57.29577951308232 * q for name, q in zip(NAMES, wish, strict=True)}
-        self.follower.send_action(action((degrees, seen)))
+        self.follower.send_action(action((in_degrees(NAMES, wish), seen)))
 
     def stop(self) -> None:
-        """See `MotionDoor`."""
         if self.pipelines is not None:
             self.pipelines[0].reset()
 
-    def lose_contact(self) -> None:
-        """See `MotionDoor`."""
 
-    def disturb(self) -> None:
-        """See `MotionDoor`: nothing here waits for an answer."""
-
-
-@contextmanager
-def processor(seed: int) -> Iterator[ProcessorDoor]:
-    """LeRobot's pipelines with the steps of the plug-in, by a model file."""
-    servos = [FeetechServo(number) for number in range(1, 6)]
-    placed(servos, random.Random(seed), False)
-    with tempfile.TemporaryDirectory() as folder:
-        (model := Path(folder, "model.toml")).write_text(MODEL)
-        yield ProcessorDoor(servos, model)
-
-
-DOORS = (DoorKind("LeRobot processor", ("lerobot_robot_lrm.processor",), processor, 0.0, 0.0),)
+PROCESSOR = partial(by_model, ProcessorDoor)
+DOORS = (DoorKind("LeRobot processor", ("lerobot_robot_lrm.processor",), PROCESSOR, 0.0, 0.0),)

@@ -27,15 +27,11 @@ from lrmd.client import RequestRefused, Rover
 from tests.doors.door import Angles, DoorKind
 from tests.ros2.test_bridge import ACTION, RosPeer, bridged, goal, point, ros_router, said, trajectory
 from tests.support.daemon.daemon_harness import HOME, wait_for_link
-from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
+from tests.support.daemon.daemon_process import COOL, SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
 
 JOINTS = ("joint1", "joint2")
 NOTHING = {"structure_needs_at_least_one_member": 0}
 ALL_GOALS = {"goal_info": {"goal_id": {"uuid": [0] * 16}, "stamp": {"sec": 0, "nanosec": 0}}}
-COOL = {
-    f"joint{k} = {rise}": f"joint{k} = 0.0" for k, rise in zip(range(1, 7), ["380.0"] * 3 + ["1490.0"] * 3, strict=True)
-}
-"""Servos that stay cold: an hour of instants would heat those that hold the arm, which then goes to rest by itself."""
 SLOW_S = 12.0
 """s that every trajectory may take, so that it lasts longer than a sequence."""
 

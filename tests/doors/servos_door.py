@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +11,7 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import patch
 
 from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
@@ -47,7 +49,7 @@ effects = ["offsets", "compliance", "hysteresis@joint2", "drift@joint1"]
 
 
 class ServosDoor:
-    """Common part of the doors below: five servos and their time."""
+    """Common part of the doors below: servos and their time. LeRobot has no stop: who stops sends nothing more."""
 
     joints: Sequence[str] = NAMES
 
@@ -55,25 +57,34 @@ class ServosDoor:
         self.servos, self.bus = servos, bus
         self.time = Lockstep(bus.advance)
 
+    def stop(self) -> None: ...
+
+    def lose_contact(self) -> None: ...
+
+    def disturb(self) -> None: ...
+
     def pass_time(self, seconds: float) -> None:
-        """See `MotionDoor`."""
         self.time.passes(seconds)
 
     def commanded(self) -> Angles:
-        """See `MotionDoor`."""
         return tuple(servo.target for servo in self.servos)
 
     def standing(self) -> Angles:
-        """See `MotionDoor`."""
         return tuple(servo.angle for servo in self.servos)
 
     def powered(self) -> frozenset[str]:
-        """See `MotionDoor`."""
-        return frozenset(name for name, servo in zip(NAMES, self.servos, strict=True) if servo.powered)
+        return frozenset(name for name, servo in zip(self.joints, self.servos, strict=True) if servo.powered)
+
+
+def in_degrees(joints: Sequence[str], wish: Sequence[float]) -> dict[str, float]:
+    """The action of LeRobot for a wish (rad)."""
+    return {f"{name}.pos": math.degrees(q) for name, q in zip(joints, wish, strict=True)}
 
 
 class CalibratedRobotDoor(ServosDoor):
-    """LeRobot's calibrated robot. It has no stop: who stops sends nothing more."""
+    """LeRobot's calibrated robot."""
+
+    robot: Any
 
     def __init__(self, servos: Sequence[FeetechServo], model: Path) -> None:
         super().__init__(servos, FeetechBus(servos))
@@ -82,22 +93,10 @@ class CalibratedRobotDoor(ServosDoor):
         self.robot = calibrated_robot_class()(config, self.follower)
 
     def torque_on(self) -> None:
-        """See `MotionDoor`."""
         self.robot.connect()
 
     def ask(self, wish: Sequence[float]) -> None:
-        """See `MotionDoor`."""
-        degrees = {f"{name}.pos": 57.29577951308232 * q for name, q in zip(NAMES, wish, strict=True)}
-        self.robot.send_action(degrees)
-
-    def stop(self) -> None:
-        """See `MotionDoor`."""
-
-    def lose_contact(self) -> None:
-        """See `MotionDoor`."""
-
-    def disturb(self) -> None:
-        """See `MotionDoor`: nothing here waits for an answer."""
+        self.robot.send_action(in_degrees(self.joints, wish))
 
 
 class CampaignDoor(ServosDoor):
@@ -114,13 +113,13 @@ class CampaignDoor(ServosDoor):
         self.arm: ServoArm | None = None
 
     def torque_on(self) -> None:
-        """See `MotionDoor`: as `by_servos` does it, with errors that name the joints that have torque."""
+        """As `by_servos` does it, with errors that name the joints that have torque."""
         servos = self.connect()
         with torque_named(servos):
             self.arm = ServoArm(servos, ARM, self.time, lambda _: None)
 
     def ask(self, wish: Sequence[float]) -> None:
-        """See `MotionDoor`: one pose after the other, so what is on its way is interrupted first."""
+        """One pose after the other, so what is on its way is interrupted first."""
         self.stop()
         if self.arm is not None:
             self.time.starts(partial(self.goes, self.arm, wish))
@@ -130,15 +129,13 @@ class CampaignDoor(ServosDoor):
         arm.go(PlannedPose(1, tuple(wish), 0.0, (1,) * ARM.dof, 1))
 
     def stop(self) -> None:
-        """See `MotionDoor`."""
         self.time.interrupts()
 
     def lose_contact(self) -> None:
-        """See `MotionDoor`: the adapter is unplugged while a pose is approached."""
+        """The adapter is unplugged while a pose is approached."""
         self.break_off()
 
     def disturb(self) -> None:
-        """See `MotionDoor`."""
         self.lose_answer()
 
 
@@ -196,13 +193,13 @@ def placed(servos: Sequence[FeetechServo], rng: random.Random, anywhere: bool) -
 
 
 @contextmanager
-def calibrated_robot(seed: int) -> Iterator[CalibratedRobotDoor]:
-    """LeRobot's calibrated robot, by a model file."""
-    servos = [FeetechServo(number) for number in range(1, 6)]
+def by_model(door_class: Any, seed: int) -> Iterator[Any]:
+    """A door of LeRobot that takes a model file, with a servo for each of its joints."""
+    servos = [FeetechServo(number) for number in range(1, 1 + len(door_class.joints))]
     placed(servos, random.Random(seed), False)
     with tempfile.TemporaryDirectory() as folder:
         (model := Path(folder, "model.toml")).write_text(MODEL)
-        yield CalibratedRobotDoor(servos, model)
+        yield door_class(servos, model)
 
 
 @contextmanager
@@ -253,7 +250,7 @@ DYNAMIXEL_BUS = partial(campaign_over_bus, DYNAMIXEL, DynamixelServo, DynamixelB
 LEROBOT_CAMPAIGN = ("lrm_ident.measuring.campaign.lerobot_robot",)
 LEROBOT = ("lerobot_robot_lrm.calibrated_robot", "lerobot_robot_lrm.wrapped_robot")
 DOORS = (
-    DoorKind("LeRobot robot", LEROBOT, calibrated_robot, 0.0, 0.0),
+    DoorKind("LeRobot robot", LEROBOT, partial(by_model, CalibratedRobotDoor), 0.0, 0.0),
     DoorKind("campaign over LeRobot", LEROBOT_CAMPAIGN, partial(campaign_over_lerobot, CampaignDoor), 0.0, 0.2),
     DoorKind("Feetech bus", BUS, partial(FEETECH_BUS, CampaignDoor), 0.0, 0.2),
     DoorKind("Dynamixel bus", BUS, partial(DYNAMIXEL_BUS, CampaignDoor), 0.0, 0.2),

@@ -1,4 +1,4 @@
-"""The compiled kernel against the Python code that knows nothing of it: kinematics, loads, laws, equilibria."""
+"""The compiled kernel against the Python code that knows nothing of it, and under sanitizers."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model, model_of
+from tests.soak import sanitised
 from tests.support.random_arms import arms, random_arm
 from tests.support.sweep import examples
 
@@ -318,3 +319,11 @@ def test_a_settled_command_too_soft_is_not_at_rest() -> None:
     context = CalibratedSolver.of(model).arm
     equilibrium = context.equilibria(0.5, np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
     assert len(equilibrium.rows) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sanitised.runtimes(), reason="the C compiler has no sanitizers")
+def test_the_ik_fuzz_reads_and_writes_no_memory_but_its_own() -> None:
+    done = sanitised.run(queries=25, seed=3, capture=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 violations" in done.stdout

@@ -1,9 +1,13 @@
-"""Files and numbers that people name: whole writes, links and modes kept, one line for what cannot be read."""
+"""Files and numbers that people name, errors in a notebook, and the names at the top of lrm_math."""
 
 from __future__ import annotations
 
 import math
+import pickle
+import runpy
 import stat
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -11,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import lrm_math
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
 from lrm_math.number_list import parse_numbers
@@ -106,3 +111,40 @@ def test_a_small_file_takes_little_memory_to_read(tmp_path: Path) -> None:
 
 def test_a_device_without_an_end_is_read_to_the_largest_size_only() -> None:
     assert LARGEST < len(bounded_content(Path("/dev/zero"))) <= LARGEST + PIECE
+
+
+CELL = """from lrm_math.arm.arm_file import load_arm
+
+def mine(name):
+    return load_arm(name)
+
+mine("so99")
+"""
+
+
+def test_the_users_own_lines_and_the_message_are_shown_and_none_of_ours(tmp_path: Path) -> None:
+    cell = tmp_path / "cell.py"
+    cell.write_text(CELL, encoding="utf-8")
+    with pytest.raises(FileError) as caught:
+        runpy.run_path(str(cell), run_name="__main__")
+    *lines, message = caught.value._render_traceback_()
+    assert lines == ['line 6: mine("so99")', "line 4: return load_arm(name)"]
+    assert message == f"FileError: {caught.value}"
+
+
+def test_notes_stand_below_the_message_also_after_another_process() -> None:
+    error = LrmError("nothing is fitted yet")
+    error.add_note("fit first")
+    assert error._render_traceback_() == ["LrmError: nothing is fitted yet", "fit first"]
+    assert pickle.loads(pickle.dumps(error))._render_traceback_() == error._render_traceback_()
+
+
+def test_every_name_at_the_top_is_there() -> None:
+    assert all(getattr(lrm_math, name).__module__.startswith("lrm_math") for name in lrm_math.__all__ if name[0] != "C")
+    assert set(lrm_math.__all__) == {name for names in lrm_math._NAMES.values() for name in names}
+
+
+def test_the_package_alone_imports_no_numpy() -> None:
+    """The ramp imports modules of it that need none."""
+    code = "import sys, lrm_math; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

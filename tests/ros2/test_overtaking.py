@@ -1,4 +1,4 @@
-"""Stops of ROS 2 are not overtaken by the trajectory that they stop, however close they follow, and where they wait."""
+"""Stops of ROS 2 are not overtaken by what they stop, and a cancel of all goals stops what waits at the door."""
 
 from __future__ import annotations
 
@@ -19,9 +19,13 @@ from lrm_ros2.action_types import CANCEL_GOAL, SEND_GOAL, TRIGGER
 from lrm_ros2.message_types import JOINT_TRAJECTORY
 from lrm_ros2.sender_watch import OVERTAKEN_S
 from lrmd.client import Rover
+from tests.doors.daemon_door import simulated_config
+from tests.doors.ros2_door import ALL_GOALS
+from tests.doors.ros2_in_process import PATIENCE_S, InProcessBridge
 from tests.ros2.test_bridge import ACTION, RosPeer, bridged, goal, point, ros_router, said, trajectory
 from tests.support.daemon.daemon_harness import HOME, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 
 GAPS_MS = (0, 1, 3, 10)
 """From the trajectory to its stop."""
@@ -243,3 +247,45 @@ def test_a_goal_ends_soon_after_its_client_is_frozen_or_killed(
     bridge.stands()
     assert bridge.counts() == at_the_bound
     client.send_signal(signal.SIGCONT)
+
+
+AWAY = point(12.0, a=0.4, b=0.3)
+HERE = {"joint1": 0.0, "joint2": 0.0}
+
+
+@pytest.fixture
+def bridge_in_process() -> Iterator[InProcessBridge]:
+    sim = SimulatedDaemon(simulated_config())
+    sim.run(30)
+    bridge_in_process = InProcessBridge(sim)
+    with bridge_in_process.running():
+        bridge_in_process.client(True)
+        with bridge_in_process.person.control("person"):
+            bridge_in_process.person.arm("given", HERE)
+        yield bridge_in_process
+
+
+def stands(bridge_in_process: InProcessBridge) -> None:
+    assert bridge_in_process.send("cancel_goal", ALL_GOALS).wait(PATIENCE_S)
+    time.sleep(0.3)
+    before = bridge_in_process.person.joints().pulse_us
+    time.sleep(0.7)
+    assert bridge_in_process.person.joints().pulse_us == before
+    assert bridge_in_process.person.mode().mode in ("armed", "holding")
+
+
+def test_a_goal_that_was_offered_before_others_that_were_refused(bridge_in_process: InProcessBridge) -> None:
+    for number in (1, 2, 3):
+        bridge_in_process.send("send_goal", goal(number, AWAY))
+    time.sleep(0.01)
+    stands(bridge_in_process)
+
+
+@pytest.mark.long
+def test_a_trajectory_of_the_topic_that_is_followed(bridge_in_process: InProcessBridge) -> None:
+    bridge_in_process.send("topic", trajectory(AWAY))
+    end = time.monotonic() + PATIENCE_S
+    while not bridge_in_process.person.joints().moving and time.monotonic() < end:
+        time.sleep(0.02)
+    assert bridge_in_process.person.joints().moving
+    stands(bridge_in_process)

@@ -25,89 +25,71 @@ from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, Dae
 BAD_MESSAGES, TAKES = 600, 400
 
 
-class AttackedDaemon(DaemonHarness):
-    """A daemon, and a foreign session with zenoh alone."""
-
-    def codes(self) -> list[str]:
-        return [event.code for event in self.rover.events()]
-
-    def count(self, code: str) -> int:
-        """Number of events of a code, those that were only counted included."""
-        return sum(int(str(e.detail.get("count", 1))) for e in self.rover.events() if e.code == code)
-
-    def log_lines(self, code: str) -> int:
-        return self.daemon.codes().count(code)
+def count(harness: DaemonHarness, code: str) -> int:
+    """Number of events of a code, those that were only counted included."""
+    return sum(int(str(e.detail.get("count", 1))) for e in harness.events() if e.code == code)
 
 
 @pytest.fixture
-def attacked(tmp_path: Path) -> Iterator[AttackedDaemon]:
-    setup = DaemonSetup.make(tmp_path)
-    with BoardProcess(setup) as board, connected(setup) as (daemon, rover):
-        harness = AttackedDaemon(setup, board, daemon, rover)
-        yield harness
-        harness.check_invariants()
-
-
-@pytest.fixture
-def stranger(attacked: AttackedDaemon) -> Iterator[zenoh.Session]:
-    with zenoh.open(client([attacked.setup.endpoint])) as session:
+def stranger(harness: DaemonHarness) -> Iterator[zenoh.Session]:
+    """A foreign session with zenoh alone."""
+    with zenoh.open(client([harness.setup.endpoint])) as session:
         yield session
 
 
-def test_bad_messages_are_counted_and_displace_no_other_event(
-    attacked: AttackedDaemon, stranger: zenoh.Session
-) -> None:
-    with attacked.rover.control("test"):
-        attacked.arm()
-        before = attacked.codes()
+def test_bad_messages_are_counted_and_displace_no_other_event(own: DaemonHarness) -> None:
+    with own.rover.control("test"), zenoh.open(client([own.setup.endpoint])) as stranger:
+        own.arm()
+        before = own.codes()
         assert {"link_up", "mode"} <= set(before)
         started = time.monotonic()
         for number in range(BAD_MESSAGES):
-            stranger.put(attacked.setup.key("cmd/target"), b"\xc1 no message %d" % number)
-        wait_for(lambda: attacked.count("refused") == BAD_MESSAGES, "each is counted")
+            stranger.put(own.setup.key("cmd/target"), b"\xc1 no message %d" % number)
+        wait_for(lambda: count(own, "refused") == BAD_MESSAGES, "each is counted")
         seconds = time.monotonic() - started
-    assert [code for code in attacked.codes() if code != "refused"][: len(before)] == before
-    assert attacked.log_lines("refused") <= 11 * (seconds + 1)
+    assert [code for code in own.codes() if code != "refused"][: len(before)] == before
+    assert own.daemon.codes().count("refused") <= 11 * (seconds + 1)
 
 
-def test_a_fight_for_the_lease_is_a_few_lines_in_the_log(attacked: AttackedDaemon, stranger: zenoh.Session) -> None:
+def test_a_fight_for_the_lease_is_a_few_lines_in_the_log(own: DaemonHarness) -> None:
     started = time.monotonic()
-    for number in range(TAKES):
-        request = pack(LeaseRequest(action="acquire", holder=f"fighter {number % 2}", take=True))
-        assert [r.ok is not None for r in stranger.get(attacked.setup.key("rpc/lease"), payload=request)] == [True]
-    wait_for(lambda: attacked.count("lease_taken") + attacked.count("lease_lost") == TAKES, "each is counted")
-    assert attacked.log_lines("lease_taken") <= 11 * (time.monotonic() - started + 1)
+    with zenoh.open(client([own.setup.endpoint])) as stranger:
+        for number in range(TAKES):
+            request = pack(LeaseRequest(action="acquire", holder=f"fighter {number % 2}", take=True))
+            assert [r.ok is not None for r in stranger.get(own.setup.key("rpc/lease"), payload=request)] == [True]
+    wait_for(lambda: count(own, "lease_taken") + count(own, "lease_lost") == TAKES, "each is counted")
+    assert own.daemon.codes().count("lease_taken") <= 11 * (time.monotonic() - started + 1)
 
 
-def test_connections_that_say_nothing_stop_nobody_and_keep_newcomers_out_for_moments(attacked: AttackedDaemon) -> None:
+def test_connections_that_say_nothing_stop_nobody_and_keep_newcomers_out_for_moments(harness: DaemonHarness) -> None:
     with ExitStack() as silent:
         for _ in range(300):
-            silent.enter_context(socket.create_connection(("127.0.0.1", attacked.setup.port), timeout=5.0))
-        assert attacked.mode() == "disarmed"
+            silent.enter_context(socket.create_connection(("127.0.0.1", harness.setup.port), timeout=5.0))
+        assert harness.mode() == "disarmed"
 
         def newcomer() -> bool:
-            with suppress(NoReply), attacked.setup.rover() as rover:
+            with suppress(NoReply), harness.setup.rover() as rover:
                 return rover.mode().mode == "disarmed"
             return False
 
         wait_for(newcomer, "a new client is let in", seconds=3 * ACCEPT_TIMEOUT_MS / 1000)
 
 
-def test_only_its_own_keys_are_an_emergency_stop(attacked: AttackedDaemon, stranger: zenoh.Session) -> None:
-    with attacked.rover.control("test"):
-        attacked.arm()
+def test_only_its_own_keys_are_an_emergency_stop(harness: DaemonHarness, stranger: zenoh.Session) -> None:
+    with harness.rover.control("test"):
+        harness.arm()
         for wildcard in ("lrm/**", "**", "lrm/rover/**", "lrm/rover/cmd/*", "lrm/**/estop"):
             for payload in (b"", b"anything", pack(Event(
                 boot_id="", seq=0, t_mono_ns=0, t_wall_ns=0, code="x", level="info", text="not for the daemon"
             ))):  # fmt: skip
                 stranger.put(wildcard, payload)
-        wait_for(lambda: "refused" in attacked.codes(), "they are told of")
+        wait_for(lambda: "refused" in harness.codes(), "they are told of")
         time.sleep(0.2)
-        assert attacked.mode() == "armed"
-        assert len(attacked.pulses()) == 6
+        assert harness.mode() == "armed"
+        assert len(harness.pulses()) == 6
         stranger.put("lrm/*/cmd/estop", b"")
-        wait_for(lambda: attacked.pulses() == [], "one for all robots stops this one")
-        assert attacked.mode() == "estop"
+        wait_for(lambda: harness.pulses() == [], "one for all robots stops this one")
+        assert harness.mode() == "estop"
 
 
 def test_ready_means_that_kinematics_are_answered(tmp_path: Path) -> None:
@@ -117,14 +99,14 @@ def test_ready_means_that_kinematics_are_answered(tmp_path: Path) -> None:
         assert rover.metrics().ticks > 0
 
 
-def test_kinematics_carry_what_the_last_move_said(attacked: AttackedDaemon) -> None:
+def test_kinematics_carry_what_the_last_move_said(harness: DaemonHarness) -> None:
     def torque(payload: float | None) -> list[float]:
-        return attacked.rover.fk(FkRequest(q_rad=[[0.0] * 6], payload_kg=payload)).places[0].tau_nm
+        return harness.rover.fk(FkRequest(q_rad=[[0.0] * 6], payload_kg=payload)).places[0].tau_nm
 
     assert torque(None) == torque(0.0)
-    with attacked.rover.control("test"):
-        attacked.arm()
-        attacked.rover.move({"joint1": 0.01}, payload_kg=0.2)
+    with harness.rover.control("test"):
+        harness.arm()
+        harness.rover.move({"joint1": 0.01}, payload_kg=0.2)
     assert torque(None) == torque(0.2) != torque(0.0)
 
 

@@ -1,4 +1,4 @@
-"""Pages of proofs: they are made from the results beside them, no number is typed by hand, tests named are there."""
+"""Pages of proofs and pictures are made by scripts from results; changes of healthy files are never silently wrong."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ import pytest
 
 from tests.conftest import ROOT
 from tests.support.source_files import syntax_tree
+from tests.support.sweep import seeds
+from validation.doc_pictures import COMMANDS, PICTURES
+from validation.newcomer_files.__main__ import run
+from validation.newcomer_files.outcome import SILENT, TRACEBACK
 from validation.proofs.guarantees import guarantees
 from validation.proofs.history import continued, line_of
 from validation.proofs.pages import PAGES, pages
@@ -134,3 +138,18 @@ def test_the_history_is_kept_in_a_branch_of_its_own(tmp_path: Path) -> None:
     log = ["git", "log", "--oneline", "history"]
     assert len(subprocess.run(log, cwd=remote, check=True, capture_output=True).stdout.splitlines()) == 2
     assert "| failure |" in (work / "docs" / "proofs" / "history.md").read_text(encoding="utf-8")
+
+
+OF_A_PAGE = {"social-card"}
+"""Screenshots, by `validation.workbench.story`."""
+
+
+def test_every_picture_has_a_script_and_every_script_a_picture() -> None:
+    assert {path.stem for path in PICTURES.glob("*.png")} - OF_A_PAGE == {*COMMANDS}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("one_step_folds")
+def test_no_change_is_silently_wrong_or_a_traceback() -> None:
+    bad = [one for one in run(seeds(3, 35)) if one.outcome in (SILENT, TRACEBACK)]
+    assert not bad, bad

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from validation.swinging_arm.phases import EVERY, STEP, best_hit_rate, distances_from_rest, settling_times
 from validation.swinging_arm.rig import SwingingRover
@@ -28,3 +29,10 @@ def test_the_oracle_is_right_for_the_largest_share_that_one_number_can_be_right_
 def test_a_tip_has_settled_after_it_was_last_far() -> None:
     away = np.array([[[3.0, 0.5, 2.0, 0.1], [0.1, 0.1, 0.1, 0.1]]])
     np.testing.assert_allclose(settling_times(away, 1.0), [[3 * STEP * EVERY, 0.0]])
+
+
+def test_where_moves_are_timed_a_frame_is_whole_ticks() -> None:
+    """The rig's configuration is the shipped one with the shaping that is asked for."""
+    rover = SwingingRover(50.0, "timed")
+    assert rover.config.motion.shaping == "timed"
+    assert rover.known._frame / rover.tick_s == pytest.approx(3.0, abs=1e-6)

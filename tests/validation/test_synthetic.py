@@ -1,4 +1,4 @@
-"""The synthetic generator on its own: laws of mechanics, noise, files."""
+"""The synthetic generator on its own: laws of mechanics, motion, noise, files."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import arm_for
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.candidate_trial import Refit
 from lrm_ident.diagnosis.diagnose import Diagnosis
@@ -59,7 +59,7 @@ def open_files(task: tasks.OpenTask, send: tasks.Send) -> None:
         send(step_found(files, quick_report(study), files.command("compare")))
         return
     name, arm = arm_for(task.data, task.arm)
-    data = _read(task.data, arm, name, task.reading, None)
+    data = _read(task.data, arm, name, task.reading, None, every_pose)
     _tell(data.notices, send)
     send(tasks.WorkProgress("fitting"))
     study = Study.of(data, progress=_bars(send)).fit()
@@ -185,14 +185,14 @@ def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:
     return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send), read=_read)
 
 
-def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None) -> Measurements:
+def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None, part: Part) -> Measurements:
     """Measurements, read anew only where files or reading have changed. Raises `FileError`, `Misread`."""
     beside = path.with_suffix(".toml")
     hashes = (sha256_of(one) if one.is_file() else "" for one in (path, beside))
-    content = f"{path} {' '.join(hashes)} {arm_name} {reading!r} {usual!r}"
+    content = f"{path} {' '.join(hashes)} {arm_name} {reading!r} {usual!r} {part!r}"
     known_arm, data = _READ.get(content, (None, None))
     if data is None or known_arm != arm:
-        data = read_measurements(path, arm, arm_name, reading, usual)
+        data = read_measurements(path, arm, arm_name, reading, usual, part)
         _READ.clear()
         _READ[content] = arm, data
     return data

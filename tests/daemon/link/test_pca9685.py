@@ -1,8 +1,12 @@
-"""Register sequences against the chip model and the data sheet's figures."""
+"""Register sequences against the chip model and the data sheet's figures; the port belongs to whoever has it open."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import errno
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -12,6 +16,7 @@ from hypothesis import strategies as st
 from lrm_math.arm.servo_table import PwmClock
 from lrmd.link import pca9685
 from lrmd.link.pca9685 import BusPause, RegisterError, RegisterWrite
+from lrmd.link.serial_port import SerialPort
 from lrmd.sim.pca9685_chip import Pca9685Chip
 
 COUNT = st.integers(0, 4095)
@@ -136,3 +141,41 @@ def test_commanded_pulse_is_within_half_a_count(hz: float, oscillator: float, s:
 def test_values_outside_the_registers_are_refused(what: Callable[[], object], says: str) -> None:
     with pytest.raises(RegisterError, match=says):
         what()
+
+
+OPENS = """
+import os, sys
+if os.geteuid() == 0:
+    os.setgroups([]); os.setgid(65534); os.setuid(65534)
+try:
+    os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+except OSError as error:
+    sys.exit(error.errno)
+"""
+"""A program that opens a file as nobody would, and locks nothing."""
+
+
+def opened_by_another(node: str) -> int:
+    """Its errno; 0 if it got in."""
+    return subprocess.run([sys.executable, "-c", OPENS, node], check=False).returncode
+
+
+@pytest.fixture
+def node() -> Iterator[str]:
+    ends = os.openpty()
+    name = os.ttyname(ends[1])
+    os.close(ends[1])
+    os.chmod(name, 0o666)
+    yield name
+    os.close(ends[0])
+
+
+def test_while_it_is_open_nobody_else_opens_it(node: str) -> None:
+    assert opened_by_another(node) == 0
+    port = SerialPort(node, 115200)
+    assert port.open()
+    assert opened_by_another(node) == errno.EBUSY
+    port.close()
+    assert opened_by_another(node) == 0
+    assert port.open()
+    port.close()

@@ -1,8 +1,9 @@
-"""Messages: round trip through msgpack; everything else is one error line that names the field."""
+"""Messages: round trip through msgpack, schemas; everything else is one printable line that names the field."""
 
 from __future__ import annotations
 
 import copy
+import json
 import math
 from collections.abc import Iterator
 from contextlib import suppress
@@ -16,9 +17,14 @@ from hypothesis import strategies as st
 from lrmd.api.zenoh_server import REQUESTS
 from lrmd.config import load_config
 from lrmd.messages.bounds import bounds_of
-from lrmd.messages.codec import ErrorReply, Message, MessageError, pack, unpack
-from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
+from lrmd.messages.codec import ErrorReply, Header, HeaderSource, Message, MessageError, pack, unpack, unpack_shown
+from lrmd.messages.control import ArmRequest, Event, HoldRequest, JogRequest, LeaseRequest, MoveRequest
+from lrmd.messages.json_schemas import FILE, schemas, text
 from lrmd.messages.kinematics import IkAnswer, IkReply
+from lrmd.messages.shown_text import shown
+from tests.soak import fuzz_messages
+from tests.soak.fuzz_messages import check, fuzz
+from tests.soak.fuzz_result import FuzzResult
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 from tests.support.message_schemas import contents, every_message
@@ -257,3 +263,71 @@ def test_a_software_fault_in_the_daemon_is_an_error_reply(
     monkeypatch.setattr(daemon, "handle", lambda *_: 1 / 0)
     reply = error_of(daemon, "lrm/rover/rpc/hold", b"")
     assert (reply.code, reply.retryable) == ("internal", False)
+
+
+@pytest.mark.slow
+def test_twenty_thousand_strings_are_messages_or_message_errors() -> None:
+    result = fuzz(20_000, seed=1)
+    assert result.violations == []
+    assert result.counts["accepted"] > 2_000
+
+
+def test_a_crash_and_a_lie_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    data, result = pack(LeaseRequest(action="acquire", holder="me")), FuzzResult()
+    monkeypatch.setattr(fuzz_messages, "unpack", lambda *_: 1 / 0)
+    check(LeaseRequest, data, result)
+    monkeypatch.setattr(fuzz_messages, "unpack", lambda *_: HoldRequest())
+    check(LeaseRequest, data, result)
+    assert len(result.violations) == 2
+
+
+HOSTILE = "held\x1b]0;own\x07\x1b[2J\u202eevil\u2066\r\nlrm: armed"
+
+
+@given(st.text())
+def test_what_is_shown_is_one_printable_line(text: str) -> None:
+    assert shown(text).isprintable()
+    assert shown(text) == text or not text.isprintable()
+
+
+def test_no_text_of_a_message_has_an_escape_in_it() -> None:
+    content = {"v": 1, "code": HOSTILE, "level": "info", "text": HOSTILE, "detail": {HOSTILE: [HOSTILE]}}
+    event = unpack_shown(Event, msgpack.packb({**HeaderSource("b").next("event"), **content}))
+    assert event.text == shown(HOSTILE) == "held\\x1b]0;own\\x07\\x1b[2J\\u202eevil\\u2066\\r\\nlrm: armed"
+    assert event.detail == {shown(HOSTILE): [shown(HOSTILE)]}
+    assert event.code.isprintable()
+
+
+REQUEST_SCHEMAS = {
+    name for name, kind in every_message().items()
+    if issubclass(kind, Message) and not issubclass(kind, Header) and name != "ErrorReply"
+} | {"GoalEntry", "ContactEntry", "ObstacleEntry"}  # fmt: skip
+
+
+def test_the_shipped_file_is_in_step_with_the_code() -> None:
+    assert FILE.read_text(encoding="utf-8") == text(), "run `make schemas`"
+
+
+def test_every_message_is_in_it_with_all_its_fields() -> None:
+    definitions = schemas()["$defs"]
+    for name, kind in every_message().items():
+        assert set(definitions[name]["properties"]) == set(kind.model_fields)
+    assert set(definitions) - set(every_message()) <= {"JsonValue"}
+
+
+def test_requests_are_strict_and_replies_may_grow() -> None:
+    """An unknown field of a request is an error; a client must not make one of an unknown field of the daemon's."""
+    for name, definition in schemas()["$defs"].items():
+        if name in REQUEST_SCHEMAS:
+            assert definition["additionalProperties"] is False, name
+            assert "v" not in definition.get("required", []), "a request without v is of version 1"
+        elif name != "JsonValue":
+            assert "additionalProperties" not in definition, name
+            assert set(definition["required"]) == set(definition["properties"]), "the daemon sends every field"
+
+
+def test_all_references_lead_somewhere() -> None:
+    document = schemas()
+    found = json.dumps(document).split('"$ref": "#/$defs/')[1:]
+    assert found
+    assert {part.partition('"')[0] for part in found} <= set(document["$defs"])

@@ -1,8 +1,10 @@
-"""The state file is written atomically; one lease at a time."""
+"""The state file is written atomically; one daemon per state directory, one lease at a time."""
 
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,6 +20,7 @@ from lrmd.control.lease import Lease, LeaseError, LeaseState
 from lrmd.errors import RequestError
 from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
+from lrmd.persistence.sole_user import sole_user
 from lrmd.persistence.state_file import BackgroundWriter, StoredState, arm_identity, of_this_arm
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
@@ -306,3 +309,38 @@ def test_the_identity_is_of_everything_that_gives_a_pulse_its_meaning_and_of_not
     ]  # fmt: skip
     assert len({arm_identity(config) for config in (CONFIGURED, *meaning)}) == 6
     assert arm_identity(replace(CONFIGURED, save=1, rest=None, robot="other")) == arm_identity(CONFIGURED)
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from lrmd.persistence.sole_user import sole_user
+with sole_user(Path(sys.argv[1])):
+    print("there", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_second_one_is_refused_until_the_first_is_gone_however_it_ends(tmp_path: Path) -> None:
+    folder = tmp_path / "state" / "of" / "mine"
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(folder)], stdout=subprocess.PIPE, text=True) as first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == "there\n"
+        with pytest.raises(FileError, match="another lrmd") as refused, sole_user(folder):
+            pass
+        assert str(refused.value).startswith(f"{folder}: ")
+        first.kill()
+    for _ in range(2):
+        with sole_user(folder):
+            assert list(folder.iterdir()) == []
+
+
+def test_what_is_raised_inside_is_not_taken_for_another_user(tmp_path: Path) -> None:
+    with pytest.raises(BlockingIOError), sole_user(tmp_path):
+        raise BlockingIOError
+
+
+def test_a_folder_that_cannot_be_made_is_no_reason_not_to_start(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with sole_user(tmp_path / "file" / "state"):
+        pass

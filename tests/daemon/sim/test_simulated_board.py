@@ -1,8 +1,14 @@
-"""Simulated board: chip registers, effects of frames, silence timeout, fault injection."""
+"""Simulated board: chip registers, effects of frames, silence timeout, fault injection, and its process."""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from itertools import pairwise
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -11,6 +17,7 @@ from hypothesis import strategies as st
 
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.errors import LrmError
+from lrmd.config import load_config
 from lrmd.link import pca9685, protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode, word_count
 from lrmd.link.pca9685 import ALL_OFF_H, AUTO_INCREMENT, LED0, MODE1, PRESCALE, RESTART, SLEEP
@@ -516,3 +523,35 @@ def test_any_bytes_in_any_chunks_are_handled(data: bytes, cuts: list[int]) -> No
     link.begin(ClearFrameFaults(), 0)
     link.feed(b"\0\0", 0)
     assert protocol.info_of(say(link, protocol.hello(1))).simulated
+
+
+PROGRAM = """
+import os, signal, sys
+from lrmd.config import load_config
+from lrmd.sim.launch import simulated_board
+from pathlib import Path
+with simulated_board(load_config(Path(sys.argv[1]))) as config:
+    print(config.link.port, config.state, flush=True)
+    signal.pause()
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+def test_the_board_ends_with_its_daemon(end: signal.Signals, tmp_path: Path) -> None:
+    config = Path(__file__).resolve().parents[3] / "config" / "lrmd.toml"
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    command = [sys.executable, "-c", PROGRAM, str(config)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
+    ) as own:
+        assert own.stdout is not None
+        port, state = map(Path, own.stdout.readline().split())
+        assert port.is_symlink()
+        assert state == load_config(config).state / "simulated", "the real arm's pose is not that of a simulated one"
+        own.send_signal(end)
+        own.wait()
+    until = time.monotonic() + 10.0
+    while port.is_symlink() and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not port.is_symlink()

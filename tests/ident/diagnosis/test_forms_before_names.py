@@ -31,6 +31,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, variants
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.model import Model, model_of
+from tests.support.sweep import seeds
+from tests.support.upright_arm import upright_measurements
 from validation.hidden_effects.data import ARM_FILE
 from validation.synthetic import (
     ArmDescription,
@@ -299,3 +301,32 @@ def test_two_parameters_go_before_a_curve_of_twenty_four(lab: Arm, seed: int) ->
     )
     fitted = fit_model(nominal_model(lab), data, "identifiable", SQUARED).fit
     assert [one.name for one in diagnose(fitted.model, data).supported] == ["base_compliance@base"]
+
+
+STOP_NOISE, COUNT = 2e-4, 160
+SHOULDER = 2
+
+
+@dataclass(frozen=True)
+class YieldingStop(HiddenEffect):
+    """A joint that turns less than it should beyond some angle."""
+
+    joint: int
+    at_rad: float
+    share: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        beyond = np.maximum(load.poses.q_rad[:, self.joint - 1] - self.at_rad, 0.0)
+        return at_joint(self.joint, -self.share * beyond, load.tau_nm)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", seeds(1, 6))
+def test_a_stop_of_an_upright_shoulder_is_a_curve_of_its_angle(tmp_path: Path, seed: int) -> None:
+    """There the torque follows the joint's angle, and a free function of both took the place of every name."""
+    rng = np.random.default_rng(seed)
+    stop = YieldingStop(SHOULDER, rng.uniform(0.3, 0.9), rng.uniform(0.05, 0.15))
+    model, data = upright_measurements(tmp_path, seed, COUNT, STOP_NOISE, (stop,))
+    first = confirm(diagnose(fit_identifiable(model, data, model.keys).fit.model, data)).first
+    assert first is not None
+    assert f"eccentricity@joint{SHOULDER}" in (first.name, *variants(first.candidate.effect))

@@ -1,4 +1,4 @@
-"""Selection by updates: taking columns one after the other is fitting all of them together, in the sample and folds."""
+"""Screening and selection: a candidate's columns, and that taking them in turn is fitting them together."""
 
 from __future__ import annotations
 
@@ -7,9 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, unfitted_effects
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit, linearise
 from lrm_ident.residual.better_prediction import squared_outlier_distance
+from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
 from tests.support.sweep import examples
 
 POSES, SIGMA = 40, 0.3
@@ -121,3 +128,23 @@ def test_a_prior_is_measurements_that_every_fold_has(taken: int, tried: int, kno
         squares[poses] = (ridge(whole, both, residual, rows)[: 3 * POSES].reshape(-1, 3) ** 2).sum(axis=1)[poses]
     near = squares <= np.maximum(squared_outlier_distance(squares), fit.baseline.held_out)
     np.testing.assert_allclose(found.held_out[near], squares[near], rtol=1e-9)
+
+
+@pytest.mark.long
+def test_columns_are_those_of_the_total_jacobian_where_they_move_anything(lab: Arm) -> None:
+    """Poses in a narrow range: most splines of the forms are zero at all of them."""
+    model = model_of(lab, (*effects_at(lab, "offsets"), *effects_at(lab, "compliance")))
+    poses = poses_of(np.random.default_rng(2).uniform(-0.3, 0.3, (15, lab.dof)), 0.05)
+    response, found = differentiate_candidates(solve_equilibrium(model, poses), list(unfitted_effects(model)))
+    settled, still = response.equilibrium, 0
+    for one in found:
+        shape = tuple(settled.model.value(key) for key in one.effect.keys)
+        acting, moved = one.acting(shape)
+        keys = [one.effect.keys[row] for row in one.rows]
+        typical = [parameter.typical for parameter in one.parameters]
+        expected = (parameter_jacobian(settled, keys) * typical).reshape(3 * len(poses), -1)
+        np.testing.assert_allclose(one.columns(shape), expected, rtol=1e-9, atol=1e-15, err_msg=one.name)
+        assert acting.rows == tuple(row for row, column in zip(one.rows, expected.T, strict=True) if column.any())
+        np.testing.assert_array_equal(moved, one.columns(shape)[:, expected.any(axis=0)])
+        still += len(one.rows) - len(acting.rows)
+    assert still > len(found)

@@ -1,23 +1,37 @@
-"""Rules by which refits, halves and rows decide, one case on either side of each, without a fit."""
+"""Rules by which refits, halves, rows, later poses and measured angles decide, one case on either side of each."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.contradiction import can_be_contradicted, levels_of_its_own
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.held_out import HeldOutBlock
+from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, changes_too_late, rolling_origin_squares
 from lrm_ident.study.parameter_estimates import parameter_estimates
+from lrm_ident.study.study import Study
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
+from lrm_math.effects import ModelPart, effects_at
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.step_name import ADD, StepName
+from validation.as_deployed.worlds import SimulatedCase
 
 POSES = 40
 Patch = pytest.MonkeyPatch
@@ -199,3 +213,111 @@ def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
     step = Step(StepName(ADD, "one"), fit, fit, evidence=evidence)
     assert asked == [["one", "twin"]]
     assert (step.names, step.evidence.rivals) == (("one", "twin"), {"far": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("world", "effect"),
+    [
+        ("catalogue/first/slip4/80/0", "change_point@joint4"),
+        ("catalogue/second/creep2/report/80/0", "creep@joint2"),
+    ],
+)
+def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Path) -> None:
+    data, _ = SimulatedCase.of(world).record().load(tmp_path)
+    study = Study.of(data).fit()
+    assert study.step is not None
+    plain = study.step.fit
+    [one] = effects_at(plain.model.arm, effect)
+    named = add_effects(plain.model, study.data, [one])
+    assert named.sigma < plain.sigma
+    assert allows_rolling_origin(study.data)
+    assert len(rolling_origin_squares(named, study.data)) == len(study.data) / 4
+    assert candidate_trial._not_better_later([one], plain, named, study.data) is None
+
+
+def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", part: object = ModelPart.ARM) -> bool:
+    """Whether there is an objection to an effect with these forecasts, squared errors (M,)."""
+    patch.setattr(candidate_trial, "allows_rolling_origin", lambda _: True)
+    patch.setattr(candidate_trial, "changes_too_late", lambda *_: False)
+    patch.setattr(candidate_trial, "rolling_origin_squares", lambda fitted, _: fitted.squares)
+    effect: Any = SimpleNamespace(depends_on=(depends_on,), part=part)
+    fits: list[Any] = [SimpleNamespace(squares=squares, model=None) for squares in (without, with_it)]
+    nothing: Any = None
+    return candidate_trial._not_better_later([effect], *fits, nothing) is not None
+
+
+@pytest.mark.parametrize(("step", "late"), [(24.0, False), (25.0, False), (26.0, True), (31.0, True)])
+def test_a_change_needs_ten_poses_behind_it_to_be_forecast(step: float, late: bool) -> None:
+    """Of 40 poses, the last five are forecast last."""
+    [effect] = effects_at(load_arm("so101"), "change_point@tool")
+    model: Any = SimpleNamespace(value=lambda _: step)
+    poses, number = poses_of(np.zeros((40, 5))), np.arange(1, 41)
+    data = Measurements(replace(poses, number=number), number, np.zeros((40, 3)), None, None, number, Path("few"), "")
+    assert changes_too_late(effect, model, data) is late
+
+
+def test_a_gain_within_its_spread_is_not_shown(monkeypatch: Patch) -> None:
+    rng = np.random.default_rng(0)
+    one, other = 1.0 + 0.3 * rng.random((2, 200))
+    assert judged(monkeypatch, one, other)
+    assert judged(monkeypatch, 0.8 * one, other)
+    assert not judged(monkeypatch, one, 0.8 * other)
+
+
+def test_what_forecasts_cannot_judge_is_left_to_the_cross_validation(monkeypatch: Patch) -> None:
+    """A change after the last poses that forecasts are fitted to; what is no effect of a session; a tracker."""
+    same = np.ones(200)
+    assert not judged(monkeypatch, same, same * (1.0 + 1e-6))
+    worse = 2.0 * same
+    assert judged(monkeypatch, same, worse)
+    assert not judged(monkeypatch, same, worse, depends_on="angle")
+    assert not judged(monkeypatch, same, worse, part=ModelPart.MEASUREMENT)
+
+
+def test_two_that_hide_each_other_are_confirmed_together(tmp_path: Path) -> None:
+    """A tracker's scale and a screw that slipped: neither alone makes the deployed model surely better."""
+    data, _ = SimulatedCase.of("catalogue/pair/stretched+slip2/80/0").record().load(tmp_path)
+    found = confirm.confirm(Study.of(data).fit().screen())
+    assert found.first is not None
+    assert found.first.name == "change_point@joint2"
+    assert found.beside == "measurement_frame@frame"
+    assert not found.refused
+
+
+LAB = load_arm("lrm-lab")
+GAIN, GEAR, COUPLED = (
+    effects_at(LAB, name)[0] for name in ("servo_gain@joint2", "eccentricity@joint2", "coupling@joint4<-joint2")
+)
+
+
+def grid(levels: int) -> Array:
+    """Every combination of so many angles of joints 2 and 4 (rad); the others at random."""
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (levels**2, LAB.dof))
+    q[:, [1, 3]] = [*product(np.linspace(-1.0, 1.0, levels), repeat=2)]
+    return q
+
+
+@given(st.integers(2, 9))
+def test_a_formula_needs_two_levels_more_than_it_has_parameters(levels: int) -> None:
+    """One goes to the offset; with no other left any function of the angle fits exactly, and no name is shown."""
+    for effect in (GAIN, GEAR, COUPLED):
+        assert can_be_contradicted(effect, grid(levels)) == (levels >= len(effect.parameters) + 2)
+
+
+@given(st.integers(0, 2**31), st.floats(-2.0, 2.0), st.integers(2, 6))
+def test_joints_that_move_together_show_no_cause(seed: int, slope: float, other: int) -> None:
+    """Functions of the one are functions of the other; where both move freely, each can be told."""
+    q = np.random.default_rng(seed).uniform(-1.0, 1.0, (100, LAB.dof))
+    joint = other % LAB.dof
+    if joint == 1:
+        return
+    assert levels_of_its_own(q, 1) > 10
+    q[:, 1] = slope * q[:, joint] + 0.2
+    assert levels_of_its_own(q, 1) <= 2
+    assert not can_be_contradicted(GEAR, q)
+
+
+def test_what_follows_no_single_angle_is_not_judged_by_angles() -> None:
+    """Play and springs show themselves in the load and in the side of arrival."""
+    for name in ("backlash@joint2", "compliance@joint2", "common_gain", "base_compliance@base"):
+        assert can_be_contradicted(effects_at(LAB, name)[0], grid(2))

@@ -1,4 +1,4 @@
-"""Fit and diagnosis of arms of any shape: with and without masses, with parallel and with meeting axes."""
+"""Fit and diagnosis of arms of any shape: without masses, with parallel and meeting axes, with displaced links."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.robot_files.arm_text import template
 from lrm_ident.data.robot_files.urdf import parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
+from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.fit import fit_document
@@ -29,8 +32,11 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.mimic_robots import palletiser
 from tests.support.random_arms import random_arm, with_followers
+from tests.support.sweep import seeds
+from tests.support.upright_arm import upright_measurements
 
-pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
+pytestmark = pytest.mark.long
+
 
 GEOMETRIES = ("any", "parallel", "meeting")
 MASSES = ("anywhere", "on axes", "none")
@@ -63,6 +69,7 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
     return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
 
 
+@pytest.mark.usefixtures("one_step_folds")
 def test_the_play_of_a_palletisers_motor_is_named() -> None:
     """Rods turn forearm and gripper by the motors of other joints; the fit knows, and diagnosis names the motor."""
     arm = import_arm(parse_urdf(Path("palletiser.urdf"), palletiser())).arm
@@ -82,6 +89,7 @@ def test_the_play_of_a_palletisers_motor_is_named() -> None:
     assert report.first.name == "backlash@joint2"
 
 
+@pytest.mark.usefixtures("one_step_folds")
 @pytest.mark.slow
 @settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.sampled_from(MASSES), st.booleans())
@@ -101,3 +109,36 @@ def test_every_arm_is_fitted_and_diagnosed(
     if masses == "none":
         reasons = {effect.id: str(reason) for effect, reason in found.not_testable}
         assert all("gives no masses" in reasons[name] for name in ("backlash", "nonlinear_stiffness", "cable_spring"))
+
+
+NOISE = 3e-4
+WITHOUT = template("upright").replace("extra_z_mm = 0.0\n", "")
+
+
+def fitted(folder: Path, seed: int, softness: float, text: str) -> Fit:
+    model, data = upright_measurements(folder, seed, 240, NOISE, softness=softness, text=text)
+    return fit_model(model, data, "identifiable", SQUARED).fit
+
+
+def test_extra_z_explains_most_of_what_soft_joints_show_of_displaced_masses(tmp_path: Path) -> None:
+    arms = seeds(3, 8)
+
+    def excess(text: str) -> float:
+        """Mean square over that of the noise, less one, of several arms."""
+        return sum((fitted(tmp_path, seed, 3.0, text).sigma / NOISE) ** 2 - 1.0 for seed in arms)
+
+    without = excess(WITHOUT)
+    assert without > len(arms) * 0.04  # else there is nothing to explain
+    assert excess(template("upright")) < 0.4 * without
+
+
+@pytest.mark.slow
+def test_no_cause_is_named_on_a_healthy_arm_with_soft_joints(tmp_path: Path) -> None:
+    named = []
+    arms = seeds(4, 30)
+    for seed in arms:
+        model, data = upright_measurements(tmp_path, seed, 240, NOISE, softness=2.0)
+        named += [
+            step.added for step in run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data).steps[1:]
+        ]
+    assert len(named) <= len(arms) / 15, named  # of thirty arms five without extra z

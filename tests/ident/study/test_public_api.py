@@ -1,12 +1,15 @@
-"""The public API: its doctest, the notebook of the docs, and the names that it promises."""
+"""The public API: its doctest, the notebook of the docs, the names that it promises, and what its arguments may be."""
 
 from __future__ import annotations
 
+import ast
 import doctest
 import inspect
 import json
 import re
 import runpy
+import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +20,18 @@ from pdoc import pdoc
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.loss import loss_named
+from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.study import api
+from lrm_ident.study.arguments import options_in_python
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.errors import LrmError
+from lrm_math.effects import effects_at
+from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.model import model_of
+from lrm_math.model.reading import Reading
 from tests.conftest import ROOT
 
 
@@ -153,3 +164,186 @@ def test_a_saved_model_finds_the_file_of_its_arm(tmp_path: Path) -> None:
     data = lrm.load(lrm.EXAMPLE, arm=str(own))
     lrm.save(lrm.fit(data, parameters="option3"), data, str(tmp_path / "model.toml"))
     assert lrm.load_model(str(tmp_path / "model.toml")).arm == data.arm
+
+
+BELT = """
+from lrm_math.effects import Description, JointEffect, LinearEffect, Parameter
+
+
+class Belt(JointEffect, LinearEffect):
+    id = "belt"
+    about = Description("A belt stretches.", "δq = c q", "my arm")
+    parameters = (Parameter("c_rad_per_rad", "turn per turn", 0.005),)
+
+    def basis(self, poses, tau):
+        return ((poses.angle(self.joint),),)
+"""
+SOME_JOINTS = "offsets.joint1.theta_rad,offsets.joint2.theta_rad"
+
+
+@pytest.fixture(scope="module")
+def data() -> Measurements:
+    return lrm.load(lrm.EXAMPLE)
+
+
+@pytest.fixture(scope="module")
+def fitted(data: Measurements) -> Fit:
+    return lrm.fit(data, parameters=SOME_JOINTS)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda wrong, _: lrm.load(wrong), "a dict stands where the path of a file should; .*to_csv"),
+        (lambda wrong, _: lrm.load_poses(wrong, "so101"), "where the path of a file should"),
+        (lambda wrong, _: lrm.read_study(wrong, "data.csv"), "where the path of a file should"),
+        (lambda wrong, _: lrm.read_study("model.toml", wrong), "where the path of a file should"),
+        (lambda wrong, _: lrm.fit(wrong), r"a dict stands where measurements should; lrm\.load"),
+        (lambda wrong, _: lrm.Study.of(wrong), "where measurements should"),
+        (lambda wrong, fit: lrm.diagnose(fit, wrong), "where measurements should"),
+        (lambda wrong, fit: lrm.compare(wrong, fit), r"a dict stands where a model should; lrm\.fit\(data\)"),
+        (lambda wrong, fit: lrm.predict(wrong, fit), "where a model should"),
+        (lambda wrong, fit: lrm.predict(fit, wrong), r"a dict stands where poses should; data\.poses"),
+        (lambda _, fit: lrm.predict(fit, np.zeros((2, 6))), "an ndarray stands where poses should"),
+        (lambda _, fit: lrm.add(fit, lrm.load(lrm.EXAMPLE), ["backlash"]), "a list stands where the name of an effect"),
+        (lambda wrong, _: lrm.load(lrm.EXAMPLE, wrong), "a dict stands where the name of an arm should; arm='so101'"),
+        (lambda wrong, _: lrm.load_poses(lrm.EXAMPLE, wrong), "where the name of an arm should"),
+        (lambda *_: lrm.load(lrm.EXAMPLE, reading="rad"), r"a str stands where a reading should; lrm\.Reading"),
+        (lambda wrong, _: lrm.load(lrm.EXAMPLE, reading=wrong), "reading: q1_deg: "),
+        (lambda wrong, fit: lrm.save(wrong, fit, "x.toml"), r"a dict stands where a fit should; lrm\.save\(fit, data"),
+    ],
+)
+def test_an_argument_of_another_kind_is_one_clear_line(
+    call: Callable[[Any, Any], object], words: str, fitted: Fit
+) -> None:
+    with pytest.raises(LrmError, match=words) as caught:
+        call({"q1_deg": [0.0]}, fitted)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("step", [lrm.compare, lrm.diagnose, lambda fit, of: lrm.add(fit, of, "backlash@joint2")])
+def test_a_model_of_another_arm_is_refused_also_with_as_many_joints(
+    step: Callable[[Any, Any], object], fitted: Fit, data: Measurements
+) -> None:
+    with pytest.raises(LrmError, match="the model is of lrm-lab, the measurements of lrm-rover"):
+        step(fitted, replace(data, arm=load_arm("lrm-rover")))
+
+
+def test_poses_of_another_number_of_joints_are_refused(fitted: Fit) -> None:
+    with pytest.raises(LrmError, match="the poses are of 5 joints, lrm-lab has 6"):
+        lrm.predict(fitted, poses_of(np.zeros(5)))
+
+
+def test_a_fit_predicts_as_its_model_does(fitted: Fit, data: Measurements) -> None:
+    assert np.array_equal(lrm.predict(fitted, data.poses), lrm.predict(fitted.model, data.poses))
+
+
+def test_names_by_commas_or_as_a_list_are_the_same(fitted: Fit, data: Measurements) -> None:
+    other = lrm.fit(data, "offsets, compliance", SOME_JOINTS.split(","))
+    assert other.model.keys == fitted.model.keys
+    assert np.array_equal(other.model.values, fitted.model.values)
+
+
+def test_a_loss_by_its_name_is_that_loss(data: Measurements) -> None:
+    few, joints = data.take(np.arange(0, len(data), 3)), SOME_JOINTS.split(",")
+    named, itself = (lrm.Study.of(few).fit(joints, loss) for loss in ("huber", loss_named("huber")))
+    assert named.loss == itself.loss
+    assert np.array_equal(named.model.values, itself.model.values)
+
+
+def test_effects_of_ones_own_are_read_from_their_file(data: Measurements, tmp_path: Path) -> None:
+    own = tmp_path / "belt.py"
+    own.write_text(BELT, encoding="utf-8")
+    for catalogue in (own, str(own), lrm.catalogue_with(own)):
+        study = lrm.Study.of(data, "offsets, belt@joint2", catalogue)
+        assert study.model.effects[-1].name == "belt@joint2"
+
+
+def test_a_reading_may_be_a_mapping_of_its_fields(data: Measurements) -> None:
+    read = lrm.load(lrm.EXAMPLE, reading={"angle_unit": "deg", "joint_sign": [1] * 6})  # type: ignore[arg-type]
+    assert np.array_equal(read.poses.q, data.poses.q)
+    assert read.reading.said() == {"angle_unit": "deg", "joint_sign": [1] * 6}
+
+
+def test_a_set_of_the_thesis_is_of_six_joints() -> None:
+    five = load_arm("so101")
+    with pytest.raises(LrmError, match="option1 is of an arm of six joints; identifiable is of any"):
+        select_parameters(model_of(five, effects_at(five, "compliance")), "option1")
+
+
+def test_poses_are_read_by_the_name_of_their_arm(tmp_path: Path) -> None:
+    table = tmp_path / "poses.csv"
+    table.write_text("q1_deg,q2_deg\n10,20\n", encoding="utf-8")
+    assert np.degrees(lrm.load_poses(table, "two-joint").q) == pytest.approx(np.array([[10.0, 20.0]]))
+
+
+@pytest.mark.long
+def test_an_unfitted_study_is_diagnosed_as_it_is_and_its_first_candidate_added(data: Measurements) -> None:
+    study = lrm.Study.of(data.take(np.arange(0, len(data), 3)), "offsets")
+    first = study.diagnose().first
+    assert first is not None
+    by_candidate, by_name = study.add(first), study.add(first.scored.name)
+    assert by_candidate.taken.name == by_name.taken.name
+    assert np.array_equal(by_candidate.model.values, by_name.model.values)
+
+
+@pytest.mark.parametrize(
+    ("message", "note"),
+    [
+        ("if so: --angle-unit rad (then …)", 'lrm.Reading(angle_unit="rad")'),
+        ("if so: --axes=-x,-y,z and --unit m (then …)", 'lrm.Reading(axes="-x,-y,z", unit="m")'),
+        ("--joint-sign 1,-1,1; or", "lrm.Reading(joint_sign=[1, -1, 1])"),
+        ("leave 2 rows out with --bad-rows skip", 'lrm.Reading(bad_rows="skip")'),
+    ],
+)
+def test_options_that_a_message_advises_are_noted_as_python_takes_them(message: str, note: str) -> None:
+    @options_in_python
+    def read() -> None:
+        raise LrmError(message)
+
+    with pytest.raises(LrmError) as caught:
+        read()
+    (line,) = caught.value.__notes__
+    assert line == f"in Python: reading={note}"
+    fields = {word.arg: ast.literal_eval(word.value) for word in ast.parse(note, mode="eval").body.keywords}  # type: ignore[attr-defined]
+    assert Reading(**fields).said() == fields
+
+
+def test_a_message_without_options_of_a_reading_has_no_note() -> None:
+    with pytest.raises(FileError) as caught:
+        lrm.load("nowhere.csv")
+    assert not hasattr(caught.value, "__notes__")
+
+
+@pytest.mark.long
+def test_advice_that_is_followed_reads_the_file(tmp_path: Path, data: Measurements) -> None:
+    header, *rows = lrm.EXAMPLE.read_text(encoding="utf-8").splitlines()
+    columns = header.split(",")
+    angles = [k for k, name in enumerate(columns) if name.startswith("q")]
+    plain = [name.removesuffix("_deg") for name in columns]
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        for k in angles:
+            row[k] = f"{np.radians(float(row[k])):.9f}"
+    table = tmp_path / "rad.csv"
+    table.write_text("\n".join([",".join(plain), *map(",".join, cells)]), encoding="utf-8")
+    with pytest.raises(FileError) as caught:
+        lrm.load(table, arm="lrm-lab")
+    reading = eval(caught.value.__notes__[0].partition("reading=")[2], {"lrm": lrm})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        read = lrm.load(table, arm="lrm-lab", reading=reading)
+    assert read.poses.q == pytest.approx(data.poses.q, abs=1e-8)
+
+
+def test_what_was_left_out_of_a_file_is_warned_of(tmp_path: Path) -> None:
+    header, *rows = lrm.EXAMPLE.read_text(encoding="utf-8").splitlines()
+    x = header.split(",").index("x_mm")
+    cells = rows[4].split(",")
+    cells[x : x + 3] = ["0", "0", "0"]
+    table = tmp_path / "lost.csv"
+    table.write_text("\n".join([header, *rows[:4], ",".join(cells), *rows[5:], ""]), encoding="utf-8")
+    with pytest.warns(UserWarning, match="exactly 0, 0, 0") as told:
+        data = lrm.load(table, arm="lrm-lab")
+    assert len(data) == len(rows) - 1
+    assert told[0].filename == __file__

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.step import Step
+from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.fitting.field.regression import MOST_NUMBERS, field_posterior
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.study.field_step import WHAT_IT_IS
+from lrm_ident.study import field_step
+from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import read_study
 from lrm_ident.study.study import Study
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
@@ -24,9 +35,10 @@ from lrm_math.model.covariance import to_covariance
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model_file import load_model
+from lrm_math.model.step_name import ADD
 from lrm_math.model.uncertainty import position_covariance
-from tests.ident.study.test_field_acceptance import world
 from tests.support.commands import run_command, stdout_of
+from tests.support.sweep import examples, seeds
 from validation.nameless_arm import ARM, NOISE, measured
 
 
@@ -154,3 +166,96 @@ def test_a_diagnosis_of_it_goes_between_processes(with_field: Study) -> None:
     again = pickle.loads(pickle.dumps(blocks))
     for one, other in zip(blocks, again, strict=True):
         np.testing.assert_array_equal(other.train_residual, one.train_residual)
+
+
+Patch = pytest.MonkeyPatch
+
+
+def residual(rms: float) -> Array:
+    """(N, 3), of this RMS, with a scatter that is small beside it."""
+    return np.outer(rms * (1.0 + 0.01 * (-1.0) ** np.arange(200)), [1.0, 0.0, 0.0])
+
+
+def taken(patch: Patch, arm: Arm, among: float, beside: float) -> Step:
+    """The step of a field that leaves so much of an error of 1 mm among the poses (random folds), and beside them."""
+    data: Any = SimpleNamespace(poses=SimpleNamespace(q=None), repeat_of=None)
+    after = {"random": residual(among), "blocks": residual(beside)}
+    patch.setattr(field_step, "check_positions", lambda _: None)
+    patch.setattr(field_step, "random_folds", lambda *_: "random")
+    patch.setattr(field_step, "held_out_blocks", lambda *_, fold, **__: (fold or "blocks", residual(1.0)))
+    patch.setattr(field_step, "blocks_with_field", lambda _, __, without: (without[0], after[without[0]]))
+    patch.setattr(field_step, "held_out_residual", lambda blocks: blocks[1])
+    patch.setattr(field_step, "fit", lambda *_, **__: None)
+    patch.setattr(field_step, "fit_with_field", lambda *_: SimpleNamespace(model=None))
+    patch.setattr(field_step.HeldOutResidual, "of", lambda *_: None)
+    model: Any = SimpleNamespace(arm=arm)
+    return field_step.field_step(model, data, None, None, lambda *_: None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("among", "beside"), [(0.93, 1.0), (0.93, 1.015), (0.5, 0.5)])
+def test_a_field_is_added_where_it_predicts_better_among_the_poses(
+    lab: Arm, monkeypatch: Patch, among: float, beside: float
+) -> None:
+    assert taken(monkeypatch, lab, among, beside).name == (ADD, "residual_field@tool")
+
+
+def test_none_is_added_where_it_saves_little_among_the_poses(lab: Arm, monkeypatch: Patch) -> None:
+    with pytest.raises(NoBetterPrediction, match="does not surely predict better"):
+        taken(monkeypatch, lab, 0.97, 1.0)
+
+
+def test_none_is_added_where_it_does_harm_beside_the_poses(lab: Arm, monkeypatch: Patch) -> None:
+    with pytest.raises(NoBetterPrediction, match="beside the poses it predicts worse"):
+        taken(monkeypatch, lab, 0.5, 1.05)
+
+
+SMALL, NOISE_M, COUNT, WIDEST = load_arm("two-joint"), 3e-4, 70, 1.4
+
+
+def world(seed: int, size: float, poses: int) -> Measurements:
+    """Measurements, at poses of that number, of an arm that a wave of two angles displaces by up to `size` (m)."""
+    wave, place = np.random.default_rng(seed), np.random.default_rng([seed, poses])
+    frequency, phase = wave.uniform(0.5, 2.5, (3, SMALL.dof)), wave.uniform(0.0, 2.0 * np.pi, 3)
+    axis, q = wave.normal(size=(3, 3)), place.uniform(-WIDEST, WIDEST, (poses, SMALL.dof))
+    waves = np.sin(q @ frequency.T + phase) @ (axis / np.linalg.norm(axis))
+    number = np.arange(1, poses + 1)
+    data = Measurements(poses_of(q), number, np.zeros((poses, 3)), None, NOISE_M, number, Path("none"), "", arm=SMALL)
+    tcp = solve_equilibrium(Study.of(data).model, data.poses).tcp + size * waves
+    return replace(data, tcp=tcp + place.normal(0.0, NOISE_M, tcp.shape), sha256=f"{seed}-{poses}")
+
+
+@cache
+def errors(seed: int, size: float) -> tuple[str, float, float]:
+    """Why a field was not added, empty if it was, and the error (RMS, m) at new poses without one and with one."""
+    study, new = Study.of(world(seed, size, COUNT)).fit(), world(seed, size, 5 * COUNT)
+    refused = ""
+    try:
+        study.add_field()
+    except NoBetterPrediction as why:
+        refused = str(why)
+    models = study.model, fit_with_field(study.taken.fit, study.data).model
+    without, with_one = (_rms(new.position_error(solve_equilibrium(model, new.poses))) for model in models)
+    return refused, without, with_one
+
+
+def _rms(error: Array) -> float:
+    return error_stats(error).rms
+
+
+@pytest.mark.long
+@examples(2, 20)
+@given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
+def test_a_field_is_added_where_it_predicts_better_and_nowhere_else(seed: int, size: float) -> None:
+    """Added, it does not predict new poses worse; where it takes a third of the error, it is seen to predict better.
+
+    Then it is added, unless it does harm in blocks of joint space, as where few poses leave wide gaps.
+    """
+    refused, without, with_one = errors(seed, size)
+    assert refused or with_one < 1.01 * without
+    assert "not surely predict better" not in refused or with_one > without / 1.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", seeds(1, 4))
+def test_where_nothing_is_left_none_is_added(seed: int) -> None:
+    assert "not surely predict better" in errors(seed, 0.0)[0]

@@ -1,20 +1,26 @@
-"""One spine: the commands, the Python API and a study give the same files, whatever was left out or brought along."""
+"""One spine: commands, API and study give the same files, and every later step uses loss and poses of the fit."""
 
 from __future__ import annotations
 
+import json
 import re
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.study.inputs import arm_from
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from lrm_math.model.model_file import ProvenanceTable
 from lrm_math.model.step_name import ADD, StepName
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stdout_of
@@ -22,6 +28,8 @@ from tests.support.source_files import files, imported_names
 from validation.misreadings import random_arm_data
 
 pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
+
+
 LEFT_OUT, WRONG = [7, 20, 21], 33
 OWN_EFFECT = '''
 from lrm_math.effects.backlash import Backlash
@@ -102,9 +110,9 @@ def test_auto_ends_alike_and_every_step_can_be_taken_back(folder: Path) -> None:
     run, end = study.auto(max_effects=1)
     end.save(folder / "end-in-python.toml")
     assert content(folder / "end-in-python.toml") == content(folder / "end.toml")
-    assert [str(entry.name) for entry in end.file.history] == ["fit", f"add {run.steps[-1].added}"]
+    assert [str(entry.name) for entry in end.file.history] == ["fit", "without outliers", f"add {run.steps[-1].added}"]
     read = lrm.read_study(folder / "end.toml", folder / "data.csv", folder / "mine.py")
-    for _ in run.steps[1:]:
+    for _ in run.steps:
         read, end = read.undo(), end.undo()
         assert read.model.keys == end.model.keys
         assert read.model.values.tolist() == end.model.values.tolist()
@@ -114,6 +122,25 @@ def test_auto_ends_alike_and_every_step_can_be_taken_back(folder: Path) -> None:
     assert content(folder / "back.toml") == content(folder / "begun.toml")
     with pytest.raises(LrmError, match="nothing to undo"):
         read.undo()
+
+
+@pytest.mark.slow
+def test_auto_leaves_outliers_out_of_its_model_where_it_adds_nothing(folder: Path) -> None:
+    """Before: the model that it wrote was the one with them, beside the error of the one without."""
+    study = begun(folder).fit()
+    study.save(folder / "with.toml")
+    words = ("auto", folder / "with.toml", folder / "data.csv", "--no-nested", "--max-effects", "0")
+    stdout = stdout_of(*words, "--effects-file", folder / "mine.py", "-o", folder / "without.toml")
+    end = lrm.read_study(folder / "without.toml", folder / "data.csv", folder / "mine.py")
+    known = end.file.provenance
+    assert known is not None
+    assert WRONG in known.left_out
+    before, after = end.file.history
+    assert (before.held_out_rms_mm or 0.0) > 1.1 * (after.held_out_rms_mm or 0.0) > 0.0
+    assert f"without outliers {after.held_out_rms_mm:.2f} mm" in stdout
+    right = begun(folder).data.without(known.left_out)
+    refitted = lrm.Study.of(right, catalogue=lrm.catalogue_with(folder / "mine.py")).fit()
+    assert after.fit_rms_mm == pytest.approx(refitted.file.history[0].fit_rms_mm, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -157,3 +184,93 @@ def test_every_door_takes_its_steps_by_a_study() -> None:
     steps = {f"{module}.{name}" for module, name in ONLY_A_STUDY.items()}
     for path in (path for door in DOORS for path in files(door)):
         assert not steps & set(imported_names(path)), path
+
+
+SAID = "loss huber; 3 poses left out: 7, 20, 21"
+
+
+def noticed(*words: object) -> str:
+    """Stderr of a command that succeeds, on one line."""
+    code, _, stderr = run_command(*words)
+    assert code == 0, stderr
+    return " ".join(stderr.split())
+
+
+@pytest.fixture(scope="module")
+def fitted_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Measurements with four wrong positions, and a model fitted without three of them, by a loss that bears one."""
+    fitted_folder = tmp_path_factory.mktemp("fitted")
+    data = random_arm_data("two-joint", 5, poses=60)
+    for number in (*LEFT_OUT, WRONG):
+        data.tcp[data.pose == number] += [0.03, -0.03, 0.03]
+    (fitted_folder / "data.csv").write_text(measurements_csv(data))
+    how = ["--loss", "huber", "--leave-out", "7,20-21"]
+    said = stdout_of("fit", fitted_folder / "data.csv", "--arm", "two-joint", *how, "-o", fitted_folder / "model.toml")
+    assert SAID in " ".join(said.split()), said
+    return fitted_folder
+
+
+def provenance(path: Path) -> ProvenanceTable:
+    return ProvenanceTable.model_validate(tomllib.loads(path.read_text())["provenance"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["compare", "diagnose", "propose"])
+def test_reading_commands_say_and_do_as_the_fit(fitted_folder: Path, command: str) -> None:
+    assert SAID in noticed(
+        command, fitted_folder / "model.toml", fitted_folder / "data.csv", "--json", fitted_folder / "out.json"
+    )
+    if command != "propose":
+        assert json.loads((fitted_folder / "out.json").read_text())["poses"] <= 57
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["add", "hysteresis@joint2"], ["auto", "--no-nested", "--max-effects", "1"]])
+def test_steps_keep_how_the_model_was_fitted(fitted_folder: Path, words: list[str]) -> None:
+    model, data, after = fitted_folder / "model.toml", fitted_folder / "data.csv", fitted_folder / "after.toml"
+    command, *rest = words
+    assert SAID in noticed(command, model, data, *rest, "-o", after, "--force")
+    assert provenance(after).loss == "huber"
+    assert set(LEFT_OUT) <= set(provenance(after).left_out)
+    if command == "add":
+        assert SAID in " ".join(stdout_of("undo", after, "-o", fitted_folder / "before.toml").split())
+        assert (fitted_folder / "before.toml").read_text() == model.read_text()
+
+
+@pytest.mark.slow
+def test_other_data_keep_the_loss_but_no_pose_is_left_out(fitted_folder: Path) -> None:
+    data = lrm.load(fitted_folder / "data.csv", arm="two-joint")
+    (fitted_folder / "other.csv").write_text(measurements_csv(data.take(np.arange(50))))
+    said = noticed("compare", fitted_folder / "model.toml", fitted_folder / "other.csv")
+    assert "loss huber" in said
+    assert "left out" not in said
+
+
+@pytest.fixture(scope="module")
+def data(fitted_folder: Path) -> Measurements:
+    return lrm.load(fitted_folder / "data.csv", arm="two-joint").without(LEFT_OUT)
+
+
+@pytest.mark.slow
+def test_in_python_a_fit_brings_its_loss_along(data: Measurements) -> None:
+    robust, plain = lrm.fit(data, loss="huber"), lrm.fit(data)
+    assert robust.weight[data.pose == WRONG] < 0.2
+    assert lrm.add(robust, data, "hysteresis@joint2").loss.name == "huber"
+    assert lrm.auto(robust, data, max_effects=0).steps[-1].fit.loss.name == "huber"
+    assert lrm.diagnose(robust.model, data, loss="huber").diagnosis.fit.loss.name == "huber"
+    assert lrm.compare(robust, data).held_out.error == lrm.compare(robust.model, data, "huber").held_out.error
+    assert lrm.compare(plain.model, data).held_out.error == lrm.compare(plain, data).held_out.error
+
+
+def test_poses_are_read_as_the_data_of_the_fit(tmp_path: Path) -> None:
+    data = random_arm_data("two-joint", 5, poses=40)
+    turned = replace(data, poses=replace(data.poses, q=data.poses.q * [1.0, -1.0]))
+    right, other = tmp_path / "right.csv", tmp_path / "other.csv"
+    for path, measured in ((right, data), (other, turned)):
+        path.write_text(measurements_csv(measured))
+    model, predicted = tmp_path / "model.toml", tmp_path / "predicted.csv"
+    stdout_of("fit", other, "--arm", "two-joint", "--joint-sign", "1,-1", "-o", model)
+    assert "as the options" in noticed("predict", model, other, "-o", predicted)
+    as_read = predicted.read_text()
+    stdout_of("predict", model, right, "--joint-sign", "1,1", "-o", predicted)
+    assert predicted.read_text() == as_read

@@ -1,7 +1,8 @@
-"""The deployed model: the state that effects of a session leave behind goes along, and nothing of the session stays."""
+"""The deployed model and its steps: what a session leaves behind goes along, names are structure."""
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,13 +15,16 @@ from lrm_ident.study.model_history import as_written
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import ModelPart, effects_at
+from lrm_math.effects.compliance import Compliance
+from lrm_math.effects.offsets import Offsets
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import as_deployed, of_a_session
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import DeployedTable, ModelFile, to_model
+from lrm_math.model.model_file import DeployedTable, HistoryTable, ModelFile, as_tables, to_model
 from lrm_math.model.state_after_session import state_after_session
+from lrm_math.model.step_name import ADD, FIT, REFIT, TRANSFER, StepName
 from tests.support.sweep import examples
 
 LAB = load_arm("lrm-lab")
@@ -132,3 +136,45 @@ def test_every_effect_belongs_to_a_part() -> None:
         "measurement_frame@frame": ModelPart.MEASUREMENT,
         "drift@joint2": ModelPart.ARM,
     }
+
+
+EVERY = [StepName(FIT), StepName(ADD, "cable_curve@joint1+joint2"), StepName(REFIT, "a b"), StepName(TRANSFER, "lab")]
+AFTER = {"fit_rms_mm": 1.0, "effects": [], "parameters": {}}
+
+
+@pytest.mark.parametrize("name", EVERY, ids=lambda name: name.kind)
+def test_a_step_of_version_1_is_read_from_its_name(name: StepName) -> None:
+    assert StepName.of_version_1(str(name)) == name
+    entry = HistoryTable.model_validate({"step": str(name), **AFTER})
+    assert (entry.name, entry.name.added) == (name, name.of if name.kind == ADD else "")
+    assert HistoryTable.model_validate(entry.model_dump(exclude_none=True)) == entry, "and as it is written now"
+
+
+def test_rivals_in_a_sentence_of_version_1_are_names() -> None:
+    said = "add hysteresis@joint3, or drift@joint30 and 1 more, slip@joint2: these data cannot tell"
+    entry = HistoryTable.model_validate({"step": said, **AFTER})
+    assert entry.name == StepName(ADD, "hysteresis@joint3")
+    assert entry.indistinguishable == ["drift@joint30", "slip@joint2"]
+
+
+def test_what_names_no_cause_was_said_behind_a_comma() -> None:
+    assert StepName.of_version_1("add residual_field@tool, names no cause: smooth").added == "residual_field@tool"
+
+
+def test_an_unknown_step_is_its_own_name() -> None:
+    assert str(StepName.of_version_1("by hand, twice")) == "by hand, twice"
+
+
+def test_version_1_becomes_version_2() -> None:
+    file = ModelFile.model_validate({"schema": "lrm/model/1", "arm": "lrm-lab", "effects": []})
+    assert as_tables(file)["schema"] == "lrm/model/2"
+
+
+def test_a_used_model_is_pickled() -> None:
+    arm = load_arm("lrm-lab")
+    effects = [kind(arm, place) for kind in (Offsets, Compliance) for place in kind.places(arm)]
+    model = model_of(arm, effects, {"compliance.joint2.k_rad_per_Nm": 0.05})
+    poses = poses_of(np.zeros((3, arm.dof)), 0.0663)
+    expected = solve_equilibrium(model, poses).tcp
+    sent = pickle.loads(pickle.dumps(model))
+    assert np.array_equal(solve_equilibrium(sent, poses).tcp, expected)

@@ -1,27 +1,36 @@
-"""Laws of statics that the model must obey on any arm."""
+"""Laws of statics that the model must obey on any arm, of the centre of a load, and of the iteration to rest."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.vehicle import Vehicle
+from lrm_math.arrays import ORIGIN, Array, Vector3
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.effects.base import Effect
 from lrm_math.effects.compliance import Spring
-from lrm_math.errors import NoEquilibrium
+from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Chain, chain_of, trig
-from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.kinematics.chain import Chain, Number, chain_of, trig
+from lrm_math.kinematics.forward import chain_geometry, frames
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.statics import joint_torques
+from lrm_math.model.deployed_model import with_load_at
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.fixed_point import MOST_ITERATIONS, Relaxation
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.tip_over import tip_over_angles
+from lrm_math.motion.modes import links_inertia
 from tests.support.central_differences import stepped
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
@@ -255,3 +264,145 @@ def test_a_very_compliant_joint_gives_an_error_or_a_valid_equilibrium(lab: Arm, 
     turned -= lab.joints[joint - 1].theta
     assert abs(turned) <= 0.5
     assert turned == pytest.approx(5.0 * equilibrium.joint_torque[0, joint - 1], abs=1e-7)
+
+
+def iterations(step_at: Callable[[float], float], x: float) -> tuple[float, int]:
+    """The fixed point from x, and how many relaxed steps lead there."""
+    relaxed: Relaxation | None = None
+    for number in range(1, MOST_ITERATIONS + 1):
+        step = np.array([[step_at(x)]])
+        if abs(step[0, 0]) < 1e-9:
+            return x, number
+        relaxed = Relaxation.after(relaxed, step)
+        x += float(relaxed.factor[0] * step[0, 0])
+    return x, MOST_ITERATIONS + 1
+
+
+@given(st.floats(-8.0, 0.99), st.floats(-3.0, 3.0))
+def test_a_line_is_settled_in_a_few_steps(slope: float, x: float) -> None:
+    """Slope of the fixed-point map: it overshoots below -1, and creeps near 1."""
+    found, number = iterations(lambda at: (slope - 1.0) * at, x)
+    assert abs(found) < 1e-6
+    assert number < 200
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-5, 1e-6])
+def test_where_two_ends_of_a_play_have_just_become_one_is_passed(gap: float) -> None:
+    """A plain iteration takes some pi / sqrt(gap) steps past the point that hardly moves, to where it rests."""
+    found, number = iterations(lambda at: (at * at + gap) * (1.0 - at), -0.5)
+    assert found == pytest.approx(1.0, abs=1e-6)
+    assert number <= MOST_ITERATIONS
+
+
+LOAD = 0.12
+STEP = 1e-5
+NO_SHRINK = (Phase.explicit, Phase.reuse, Phase.generate)
+centres = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
+ASIDE = ((0.06, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, 0.0, 0.06))
+ARMS = ("lrm-rover", "lrm-lab", "so101", "two-joint")
+
+
+def elastic_under_load(arm: Arm, seed: int = 0) -> Model:
+    """Soft joints, and links that bend and twist."""
+    model = model_of(arm, effects_at(arm, "compliance") + effects_at(arm, "lateral_compliance"))
+    return model.with_values(np.random.default_rng(seed).uniform(0.005, 0.03, len(model.keys)))
+
+
+def some_q(arm: Arm, count: int = 4, seed: int = 0) -> Array:
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, (count, arm.dof))
+
+
+def load_energy(chain: Chain, values: list[Number], count: int, centre: Vector3) -> Array:
+    """(N,), J: -m g . x of a load alone, x = tool frame times its centre."""
+    body = next(body for body in chain.bodies if body.carries_payload)
+    tool = frames(chain, values, count)[:, -1]
+    at = tool[:, :3, :3] @ (np.array(body.com) + centre) + tool[:, :3, 3]
+    return np.asarray(-LOAD * at @ np.array(chain.gravity))
+
+
+def slope(chain: Chain, values: list[Number], slot: int, count: int, centre: Vector3) -> Array:
+    """(N,), -dU/ds of a load by a slot, central difference."""
+    low, high = list(values), list(values)
+    low[slot], high[slot] = values[slot] - STEP, values[slot] + STEP
+    ends = load_energy(chain, high, count, centre), load_energy(chain, low, count, centre)
+    return np.asarray((ends[1] - ends[0]) / (2 * STEP))
+
+
+@pytest.mark.long
+@settings(max_examples=12, deadline=None, phases=NO_SHRINK)
+@given(st.sampled_from(ARMS), centres, st.integers(0, 50))
+def test_moments_on_joints_and_springs_are_the_slope_of_the_loads_energy(name: str, centre: Vector3, seed: int) -> None:
+    """The moment balance of the load alone, at the arm's own equilibrium: what it adds to the torque of every slot."""
+    model = with_load_at(elastic_under_load(load_arm(name), seed), centre)
+    q = some_q(model.arm, seed=seed)
+    chain, settled = model.chain, solve_equilibrium(model, poses_of(q, LOAD), tolerance=TIGHT)
+
+    values, slots = list(settled.slots), [k for k, slot in enumerate(chain.slots) if slot.rotates]
+    with_load, without = (
+        statics.loads(chain, values, trig(chain, values), model.weights(kg), chain.gravity, slots) for kg in (LOAD, 0.0)
+    )
+    for k, loaded, empty in zip(slots, with_load, without, strict=True):
+        if chain.moved[k] != chain.counted[k]:
+            continue
+        expected = slope(chain, values, k, len(q), centre)
+        np.testing.assert_allclose(np.broadcast_to(np.subtract(loaded, empty), len(q)), expected, atol=2e-9)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_centre_of_zero_changes_no_bit(name: str) -> None:
+    model, poses = elastic_under_load(load_arm(name)), poses_of(some_q(load_arm(name)), LOAD)
+    before, after = (solve_equilibrium(one, poses) for one in (model, with_load_at(model, ORIGIN)))
+    assert np.array_equal(before.tcp, after.tcp)
+    assert np.array_equal(before.joint_torque, after.joint_torque)
+
+
+def test_without_a_load_its_centre_does_not_count() -> None:
+    model, poses = elastic_under_load(load_arm("lrm-rover")), poses_of(some_q(load_arm("lrm-rover")), 0.0)
+    before, after = (solve_equilibrium(one, poses) for one in (model, with_load_at(model, (0.05, -0.03, 0.08))))
+    np.testing.assert_allclose(after.tcp, before.tcp, atol=1e-12)
+
+
+def test_a_load_aside_turns_the_last_joint_by_its_lever() -> None:
+    """50 g, 60 mm along each axis of the tool: squares of the torques about joint 6 sum to (m r)^2 |g across it|^2."""
+    arm, q = load_arm("lrm-rover"), [0.0, 1.2, -0.4, 0.3, 0.9, 0.0]
+    chain, gravity = chain_of(arm), np.array(arm.gravity)
+    at_tcp = joint_torques(chain, arm.gravity, q, 0.05)[5]
+    shifted = [joint_torques(chain_of(arm.with_load_at(at)), arm.gravity, q, 0.05)[5] - at_tcp for at in ASIDE]
+    axis = chain_geometry(chain, chain.values(q), 1).axis[chain.joint_slots[5], :, 0]
+    across = np.linalg.norm(np.cross(axis, gravity))
+    assert np.linalg.norm(shifted) == pytest.approx(0.05 * 0.06 * across, rel=1e-9)
+    assert across > 1.0
+
+
+@settings(max_examples=6, deadline=None, phases=NO_SHRINK)
+@given(centres, st.integers(0, 50))
+def test_the_kernel_settles_where_the_model_does(centre: Vector3, seed: int) -> None:
+    rover = CalibratedArm(elastic_under_load(load_arm("lrm-rover"), 1))
+    q = some_q(rover.model.arm, 6, seed)
+    found = rover.with_load_at(centre).equilibria(LOAD, q)
+    expected = solve_equilibrium(with_load_at(rover.model, centre), poses_of(q, LOAD), tolerance=TIGHT)
+    np.testing.assert_allclose(found.tcp[:, 9:], expected.true_tcp[found.rows], atol=2e-9)
+    assert len(found.rows) == len(q)
+
+
+def test_inertia_and_tipping_have_the_centre_too() -> None:
+    """A load that is carried further out swings more slowly, and tips a light vehicle sooner."""
+    arm, q = load_arm("lrm-rover"), np.array([[0.0, 1.2, 0.0, 0.0, 0.0, 0.0]])
+    further = arm.with_load_at((0.0, 0.0, 0.1))
+    assert links_inertia(further, q, 0.2)[0, 1, 1] > 1.1 * links_inertia(arm, q, 0.2)[0, 1, 1]
+    vehicle = Vehicle(
+        1.0, (-0.15, 0.0, 0.1), ((0.05, 0.5, 0.0), (-0.4, 0.5, 0.0), (-0.4, -0.5, 0.0), (0.05, -0.5, 0.0))
+    )
+    angles = [
+        tip_over_angles(solve_equilibrium(model_of(one, ()), poses_of(q, 0.2)), 0.2, vehicle, (0.0, 0.0, -9.81))[0]
+        for one in (arm, further)
+    ]
+    assert angles[1] < angles[0] - 0.01
+
+
+def test_an_arm_whose_load_is_not_on_its_tool_has_no_centre_to_shift() -> None:
+    arm = load_arm("lrm-rover")
+    bare = replace(arm, bodies=tuple(body for body in arm.bodies if not body.carries_payload))
+    with pytest.raises(LrmError, match="no body on the tool carries the load"):
+        bare.with_load_at((0.0, 0.0, 0.01))
+    assert bare.with_load_at(ORIGIN) == bare

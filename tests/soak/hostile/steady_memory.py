@@ -16,11 +16,9 @@ from tests.soak.hostile.client_memory import resident
 from tests.soak.hostile.flood import KINDS, flooded
 from tests.soak.hostile.process_memory import BROKEN, ROLES, PeakMemory
 from tests.soak.hostile.trial import Trial, trial
-from tests.support.daemon.daemon_process import children, role
+from tests.support.daemon.daemon_process import COOL, children, role
 
 WARM_UP_S, PAUSE_S, ALLOWED = 180.0, 20.0, 1.05
-COOL = {"time_constant_s = 900.0": "time_constant_s = 90000.0"}
-"""Servos that heat slowly: kept from moving, the arm stands under load for longer than they bear, and would rest."""
 
 
 def memory(t: Trial) -> dict[str, float]:

@@ -48,6 +48,8 @@ SLOW_BOARD = {"silence_ms = 1000": "silence_ms = 10000", "reply_ms = 490": "repl
 """Changes of the configuration where the test is not of the link, and takes long."""
 LONGEST_LEASE = {"lease_ms = 400": "lease_ms = 500"}
 """A change where the test is not of the lease, and a busy machine may keep it from renewing one in time."""
+COOL = {"time_constant_s = 900.0": "time_constant_s = 90000.0"}
+"""Servos that hardly warm up, so that no arm goes to rest by itself."""
 
 
 class WaitTimeout(AssertionError):

@@ -52,7 +52,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     left = [explained_by_means(turns, lever, one.values) for one in found.covariates]
     joint, driver = shown_most(left, found.covariates, range(len(lever)))
     steps = [{**plain(one), "left": in_mm(one.rms_mm * MM)} for one in story.steps] if story else []
-    cards = zip(found.cards, story.added if story else (), found.attributions, strict=True)
+    cards = zip(found.cards, story.later if story else (), found.attributions, strict=True)
     return {
         **_drawn(found.field, found.poses),
         "drivers": [

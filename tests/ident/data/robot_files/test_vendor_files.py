@@ -1,4 +1,4 @@
-"""Files of arms as vendors write them: encodings, leftovers of xacro, walls; MuJoCo has the same poses and torques."""
+"""Files of arms as vendors write them, and forty of a generator: MuJoCo has the same poses and torques."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lrm_ident.data.robot_files.mjcf_robot import read_robot
 from lrm_ident.data.robot_files.urdf import read_urdf, read_whole_urdf
 from lrm_ident.data.robot_files.urdf_arm import ImportedArm, import_arm
 from lrm_math.arrays import Array
@@ -17,7 +18,9 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.many_robots import many_robots
 from tests.support.vendor_robots import MESH, SHAPES, XACRO, vendor_parts
+from validation.vendor_arms.mujoco_robot import MujocoRobot
 
 MUJOCO_KEEPS = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco>'
 
@@ -178,3 +181,28 @@ def test_what_cannot_be_read_is_one_line(content: bytes, said: str, tmp_path: Pa
     path = tmp_path / "arm.urdf"
     path.write_bytes(content)
     assert said in stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
+
+
+ROBOTS = many_robots()
+
+
+def test_there_are_forty() -> None:
+    assert len(ROBOTS) == 40
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ROBOTS)
+def test_an_imported_arm_moves_and_sags_as_in_mujoco(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    robot, ending = ROBOTS[name], ROBOTS[name].ending
+    written, plain = tmp_path / f"written{ending}", tmp_path / ("plain.xml" if ending == ".xml" else "plain.urdf")
+    written.write_bytes(robot.content)
+    plain.write_text(robot.plain)
+    found = import_arm(read_robot(written), base=robot.base, tip="tip")
+    peer = MujocoRobot.of(plain, read_robot(plain), found)
+    q = np.random.default_rng(len(name)).uniform(-1.2, 1.2, (5, found.arm.dof))
+    ours = solve_equilibrium(model_of(found.arm, ()), poses_of(q))
+    tips, torques = map(np.array, zip(*(peer.moved(angles) for angles in q), strict=True))
+    np.testing.assert_allclose(ours.tcp, tips, atol=1e-9)
+    np.testing.assert_allclose(ours.joint_torque, torques, atol=1e-9)
+    assert np.abs(torques).max() > 0.01

@@ -13,11 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.cli.campaign import _timing
+from lrm_ident.cli.campaign import _timing, conclude
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
-from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, PredictedSettling, Unreachable
+from lrm_ident.measuring.campaign.run import (
+    CampaignProgress,
+    CampaignResult,
+    PoseCampaign,
+    PoseTiming,
+    PredictedSettling,
+    Unreachable,
+)
 from lrm_ident.measuring.tracker.dwell import RestMean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
@@ -319,3 +326,14 @@ def test_the_orientation_reaches_the_file_where_it_is_asked_for(tmp_path: Path) 
     assert second[-5:-1] == [""] * 4
     with pytest.raises(FileError, match="is not that of this campaign"):
         DataFile(path, 6)
+
+
+@given(total=st.integers(1, 9), failed=st.integers(0, 9))
+def test_a_campaign_without_any_pose_is_an_error_and_no_other_is(total: int, failed: int) -> None:
+    failed = min(failed, total)
+    result = CampaignResult({number + 1: "no way" for number in range(failed)})
+    if failed == total:
+        with pytest.raises(LrmError, match="no pose was measured; no way"):
+            conclude(result, total, Path("data.csv"))
+    else:
+        conclude(result, total, Path("data.csv"))

@@ -1,21 +1,24 @@
-"""A campaign's arm through LeRobot, by a stand-in for its robots: slow, watched; it holds when something is wrong."""
+"""A campaign's arm through LeRobot, by a stand-in for its robots: slow, watched, in the time that is stated."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lrm_ident.measuring.campaign.duration import pose_durations
 from lrm_ident.measuring.campaign.lerobot_robot import MOST_TORQUE, LeRobotServos
 from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.campaign.run import Unreachable
+from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable, held, rest_at
 from lrm_ident.measuring.campaign.servo_arm import SPEED, TICK_S, TORQUE, ServoArm
+from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of
@@ -177,3 +180,50 @@ def test_without_lerobot_one_line_says_so(tmp_path: Any) -> None:
     ]
     said = stderr_of(*words)
     assert "LeRobot is not installed here" in said or "missing" in said
+
+
+NUMBERS = TargetNumbers(1, None)
+
+
+class PromptTracker:
+    """Sees the tip at once; its frames last as long as they are asked for."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self.clock = clock
+
+    def frames(self, seconds: float) -> Sequence[TrackerFrame]:
+        self.clock.sleep(seconds)
+        return [TrackerFrame(1, self.clock.t, {1: TargetPose(np.zeros(3), np.eye(3))})]
+
+
+def taken(poses: Sequence[PlannedPose], timing: PoseTiming) -> float:
+    """Time (s) of the poses after the first one, at which the arm stands."""
+    clock = FakeClock()
+    arm = driven(FakeRobot(), clock)
+    arm.go(poses[0])
+    began = clock.t
+    for pose in poses[1:]:
+        begin = clock.now()
+        arm.go(pose)
+        rest_at(PromptTracker(clock), NUMBERS, clock, held(timing, pose), begin)
+    return clock.t - began
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 2.0, 15.0]), st.sampled_from([0.0, 8.0]))
+def test_it_is_the_time_on_simulated_servos(seed: int, pause: float, hold: float) -> None:
+    rng = np.random.default_rng(seed)
+    poses = [
+        PlannedPose(k, tuple(rng.uniform(-0.8, 0.8, 5)), 0.0, tuple(rng.choice([-1, 0, 1], 5)), k, hold * (k % 2))
+        for k in range(12)
+    ]
+    timing = PoseTiming(pause, 0.5, 1.0)
+    stated = float(pose_durations(poses, timing, (SPEED,) * 5)[1:].sum())
+    assert stated == pytest.approx(taken(poses, timing), rel=0.03)
+
+
+def test_far_poses_take_longer_than_the_pause() -> None:
+    """Two and a half radians at half a radian per second, a rest of 0.5 s and 1 s of frames."""
+    poses = [PlannedPose(k, (angle, 0.0), 0.0, (), k) for k, angle in enumerate((-1.25, 1.25))]
+    near, far = pose_durations(poses, PoseTiming(2.0, 0.5, 1.0), (0.5, 5.0))
+    assert (near, far) == pytest.approx((2.0, 6.7))

@@ -1,8 +1,9 @@
-"""Torque on: where the servos stand, bounded before, for all or for none; read from registers and angles."""
+"""Torque on: where the servos stand, bounded before, for all or for none, and after a supply that was off."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
+from tests.doors.servos_door import CampaignDoor, campaign_over_bus
 from tests.ident.measuring.feetech.test_feetech_servos import BusLine, line_of
 
 ARM = load_arm("so101")
@@ -194,3 +196,57 @@ def test_an_error_that_ends_a_campaign_names_the_joints_that_have_torque() -> No
     said = r"^pulled out; torque is on, .* at shoulder_pan, .*, wrist_roll$"
     with pytest.raises(LrmError, match=said), torque_named(held(line)):
         raise LrmError("pulled out")
+
+
+FALL = 0.3
+"""rad, less than that by which a joint that is held up may be behind."""
+
+
+@pytest.fixture
+def door() -> Iterator[CampaignDoor]:
+    with campaign_over_bus(FEETECH, TorqueOnGoalServo, FeetechBus, CampaignDoor, 3) as opened:
+        opened.torque_on()
+        yield opened
+
+
+class PlainServo(FeetechServo):
+    """Of its own class, so that the door lets it stand within its limits."""
+
+
+def falls(servo: FeetechServo) -> float:
+    servo.power_cycle()
+    servo.angle -= FALL
+    return servo.angle
+
+
+def raise_named(door: CampaignDoor) -> None:
+    """As `by_servos` does with what ends a campaign."""
+    assert door.arm is not None
+    with torque_named(door.arm.servos):
+        raise LrmError(door.time.failed[0])
+
+
+def test_at_a_rest_the_next_pose_is_not_approached(door: CampaignDoor) -> None:
+    door.ask([0.3, 0.2, 0.1, 0.0, 0.1])
+    door.pass_time(20.0)
+    lies = falls(door.servos[1])
+    before = door.commanded()[2:]
+    door.ask([0.0, 0.0, 0.0, 0.0, 0.0])
+    door.pass_time(3.0)
+    assert door.time.failed == ["shoulder_lift lost torque: was the supply off? Look where the arm stands, start again"]
+    assert (door.servos[1].angle, door.commanded()[2:]) == (lies, before)
+
+
+def test_in_motion_it_ends_within_a_glance_and_says_what_still_has_torque() -> None:
+    with campaign_over_bus(FEETECH, PlainServo, FeetechBus, CampaignDoor, 3) as door:
+        door.torque_on()
+        door.ask([-0.8, -0.8, 0.8, 0.8, 0.8])
+        door.pass_time(0.5)
+        lies = falls(door.servos[1])
+        door.pass_time(0.3)
+        stands = door.commanded()
+        door.pass_time(3.0)
+        assert (door.servos[1].angle, door.commanded()) == (lies, stands)
+        others = "shoulder_pan, elbow_flex, wrist_flex, wrist_roll"
+        with pytest.raises(LrmError, match=f"^shoulder_lift lost torque.*; torque is on, .* at {others}$"):
+            raise_named(door)

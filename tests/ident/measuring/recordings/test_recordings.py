@@ -1,7 +1,9 @@
-"""Recordings of other programs: their formats as published, rests found in them, and the author's own files."""
+"""Recordings of other programs: formats as published, rests, hidden rests and rotations, the author's own files."""
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +23,7 @@ from lrm_ident.measuring.recordings.readers import read_take
 from lrm_ident.measuring.recordings.time_matching import rows_of_same_time
 from lrm_math.errors import FileError
 from tests.conftest import ROOT
+from tests.ident.data.test_table_formats import workbook
 from tests.support.commands import run_command, stderr_of, stdout_of
 
 SHARED = ROOT.parent / "shared" / "data" / "lrm-lab-no-load" / "measurements.csv"
@@ -359,3 +362,146 @@ def test_a_recording_without_rotations_has_no_orientation(tmp_path: Path) -> Non
     words = ["--tool", "Tool:Tool", "--arm", "lrm-rover", "--orientation", "-o", str(tmp_path / "data.csv")]
     said = stderr_of("import", str(recording), str(poses(tmp_path)), *words)
     assert "no orientation of the tool: Euler angles and helical vectors look the same" in flat(said)
+
+
+W, X, Y, Z = 0.5, 0.5, -0.5, 0.5
+BY_COLUMNS = "0 0 1 -1 0 0 0 -1 0"
+EULER_DEG = (90.0, 0.0, 90.0)
+HELICAL_DEG = (69.2820323, -69.2820323, 69.2820323)
+
+
+def motive_turned(path: Path) -> list[str]:
+    """OptiTrack: quaternions x, y, z, w."""
+    rows = ["Format Version,1.25,Rotation Type,Quaternion,Length Units,Meters", "", ",Type" + ",Rigid Body" * 7]
+    rows += [",Name" + ",tool" * 7, ",ID" + ",1" * 7, ",," + ",".join(["Rotation"] * 4 + ["Position"] * 3)]
+    rows.append("Frame,Time (Seconds),X,Y,Z,W,X,Y,Z")
+    rows += [f"{k},{t:.3f},{X},{Y},{Z},{W},{x:.6f},{y:.6f},{z:.6f}" for k, t, x, y, z in frames()]
+    path.write_text("\n".join(rows) + "\n")
+    return ["--tool", "tool"]
+
+
+def vicon_turned(path: Path, axes: str, numbers: tuple[float, ...], unit: str) -> None:
+    """Vicon Tracker: rotations before positions."""
+    count = len(numbers)
+    rows = ["Objects", "100", ",,tool", f"Frame,Sub Frame,{axes},TX,TY,TZ", f",,{','.join([unit] * count)},mm,mm,mm"]
+    turn = ",".join(map(str, numbers))
+    rows += [f"{k + 1},0,{turn},{1e3 * x:.3f},{1e3 * y:.3f},{1e3 * z:.3f}" for k, _, x, y, z in frames()]
+    path.write_text("\n".join(rows) + "\n")
+
+
+def vicon_euler(path: Path) -> list[str]:
+    vicon_turned(path, "RX,RY,RZ", EULER_DEG, "deg")
+    return ["--tool", "tool", "--rotation", "euler-xyz"]
+
+
+def vicon_helical(path: Path) -> list[str]:
+    vicon_turned(path, "RX,RY,RZ", tuple(np.radians(HELICAL_DEG)), "rad")
+    return ["--tool", "tool", "--rotation", "helical"]
+
+
+def vicon_quaternion(path: Path) -> list[str]:
+    vicon_turned(path, "RX,RY,RZ,RW", (X, Y, Z, W), "")
+    return ["--tool", "tool"]
+
+
+def dtrack(path: Path) -> list[str]:
+    """ART: the matrix by columns; the three angles beside the position are not used."""
+    path.write_text(
+        "".join(
+            f"fr {k + 1}\nts {t:.3f}\n6d 1 [3 1.000][{1e3 * x:.3f} {1e3 * y:.3f} {1e3 * z:.3f} 7 8 9][{BY_COLUMNS}]\n"
+            for k, t, x, y, z in frames()
+        )
+    )
+    return ["--tool", "3"]
+
+
+def frames() -> list[tuple[int, float, float, float, float]]:
+    """Number, time (s), and tip (m) with noise."""
+    t, tips = walk()
+    seen = tips + np.random.default_rng(0).normal(scale=1e-4, size=tips.shape)
+    return [(k, float(t[k]), *map(float, seen[k])) for k in range(len(t))]  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("write", [motive_turned, vicon_euler, vicon_helical, vicon_quaternion, dtrack])
+def test_a_known_rotation_reaches_the_file(write: Callable[[Path], list[str]], tmp_path: Path) -> None:
+    recording, written = tmp_path / "take.csv", tmp_path / "data.csv"
+    options = [*write(recording), "--arm", "lrm-rover", "--orientation", "-o", str(written)]
+    run_command("import", str(recording), str(poses(tmp_path)), *options)
+    table = read_csv(written, ["qw", "qx", "qy", "qz"])
+    for column, expected in zip(("qw", "qx", "qy", "qz"), (W, X, Y, Z), strict=True):
+        assert numbers_of(table, column) == pytest.approx(np.full(4, expected), abs=1e-6)
+
+
+HEADER_LINES = 8
+BODIES = ("--arm", "lrm-lab", "--tool", "Tool", "--base", "Base")
+
+
+def hidden(path: Path, begin: int, end: int) -> Path:
+    """The export with the tool unseen in these frames."""
+    lines = path.read_text().splitlines()
+    for k in range(begin, end):
+        cells = lines[k + HEADER_LINES].split(",")
+        lines[k + HEADER_LINES] = ",".join([*cells[:10], *[""] * 8, *cells[18:]])
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def numbers(data: Path) -> list[float]:
+    return [float(number) for number in numbers_of(read_csv(data, ["pose"]), "pose")]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("begin", "end"), [(380, 720), (480, 700), (560, 700)], ids=["whole", "most", "the end"])
+def test_a_hidden_rest_is_found_by_its_gap_and_left_out(tmp_path: Path, begin: int, end: int) -> None:
+    source, data = hidden(motive(tmp_path / "take.csv"), begin, end), tmp_path / "data.csv"
+    said = stdout_of("import", source, poses(tmp_path), *BODIES, "-o", data)
+    assert "left out: pose 2: target 1 unseen" in said
+    assert numbers(data) == [1, 3, 4]
+
+
+def test_a_short_gap_on_the_way_is_no_rest(tmp_path: Path) -> None:
+    source, data = hidden(motive(tmp_path / "take.csv"), 305, 390), tmp_path / "data.csv"
+    stdout_of("import", source, poses(tmp_path), *BODIES, "-o", data)
+    assert numbers(data) == [1, 2, 3, 4]
+
+
+def test_rests_shorter_than_twice_the_dwell_name_the_dwell_that_finds_them(tmp_path: Path) -> None:
+    source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
+    words = ["import", source, poses(tmp_path), *BODIES, "-o", data]
+    said = stderr_of(*words, "--dwell", "1.7")
+    assert "a rest lasts 3.4 s (twice --dwell) or more" in said
+    named = re.search(r"(--dwell) ([\d.]+) finds as many", said)
+    assert named is not None
+    stdout_of(*words, *named.groups())
+    assert numbers(data) == [1, 2, 3, 4]
+
+
+def cells_of(path: Path) -> list[list[str]]:
+    return list(csv.reader(path.read_text().splitlines()))
+
+
+def as_semicolons(path: Path) -> Path:
+    """The file saved by Excel where commas are decimal."""
+    rows = cells_of(path)
+    wide = max(map(len, rows))
+    lines = [";".join([*(cell.replace(".", ",") for cell in row), *[""] * (wide - len(row))]) for row in rows[1:]]
+    path.write_text("\n".join(["sep=;", ";".join(rows[0]), *lines]) + "\n")
+    return path
+
+
+def as_workbook(path: Path) -> Path:
+    rows: list[list[object]] = [
+        [float(cell) if re.fullmatch(r"-?[\d.]+", cell) else cell for cell in row] for row in cells_of(path)
+    ]
+    return workbook(path.with_suffix(".xlsx"), rows)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("saved", [as_semicolons, as_workbook])
+def test_what_excel_saved_again_is_the_same_on_either_side(tmp_path: Path, saved: Callable[[Path], Path]) -> None:
+    first, again = tmp_path / "first.csv", tmp_path / "again.csv"
+    stdout_of("import", motive(tmp_path / "take.csv"), poses(tmp_path), *BODIES, "-o", first)
+    source, driven = saved(tmp_path / "take.csv"), saved(tmp_path / "poses.csv")
+    stdout_of("import", source, driven, *BODIES, "-o", again)
+    one, other = (np.genfromtxt(path, delimiter=",", skip_header=1) for path in (first, again))
+    np.testing.assert_allclose(one, other, atol=1e-3)
