@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import threading
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
@@ -55,6 +56,11 @@ class RoverLink:
     failure: str = "connecting"
     _state: tuple[JointsState, ModeState] | None = None
     _ended: threading.Event = field(default_factory=threading.Event)
+
+    @classmethod
+    def to(cls, robot: str, endpoint: str) -> Self:
+        """A link that has not begun. Raises `LrmError`: no name of a robot, no endpoint of zenoh."""
+        return cls(Rover(robot, [endpoint]))
 
     def start(self) -> None:
         """Begins to ask, until `close` or the end of the program, which zenoh does not survive amid a query."""

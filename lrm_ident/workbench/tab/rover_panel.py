@@ -25,12 +25,11 @@ class RoverPanel:
         self.link: RoverLink | None = None
 
     def listen(self, robot: str, endpoint: str) -> None:
-        """Begins to listen to a daemon, for as long as the tab is open. Raises `LrmError`: no name, no endpoint."""
+        """Begins to listen to a daemon, for as long as the tab is open."""
         from lrm_ident.workbench.tab.rover_link import RoverLink
-        from lrmd.client import Rover
 
         self.hang_up()
-        self.link = RoverLink(Rover(robot, [endpoint]))
+        self.link = RoverLink.to(robot, endpoint)
         self.link.start()
         ui.context.client.on_disconnect(self.hang_up)
 

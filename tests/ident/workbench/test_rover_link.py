@@ -17,7 +17,6 @@ from lrm_ident.workbench.tab.rover_link import RoverLink
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrmd.client import Rover
 
 Q = np.radians([10.0, -30.0, 40.0, 5.0, -20.0, 15.0])
 PATIENCE_S = 30.0
@@ -78,9 +77,9 @@ def test_the_tip_of_a_rover(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_no_rover_is_said_so(lab: Arm) -> None:
-    link = RoverLink(Rover("rover", ["tcp/127.0.0.1:1"]))
+    link = RoverLink.to("rover", "tcp/127.0.0.1:1")
     link.start()
     until(link, nominal_model(lab), lambda words: "no connection to tcp/127.0.0.1:1" in words)
     link.close()
     with pytest.raises(LrmError, match="letters, digits"):
-        RoverLink(Rover("a robot", ["tcp/127.0.0.1:1"]))
+        RoverLink.to("a robot", "tcp/127.0.0.1:1")
