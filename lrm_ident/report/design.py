@@ -76,7 +76,9 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
-    limitations = _limitations(task, found)
+    limitations: tuple[str, ...] = ()  # poses that add to measured ones are audited with these
+    if task.measured is None and task.prior is None:
+        limitations = audit(found.poses, solve_equilibrium(task.model, found.poses).joint_torque)
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -167,16 +169,6 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
     for rivals in zip(*(knowledge.rivals for knowledge in known.values() if knowledge.rivals), strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
     return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
-
-
-def _limitations(task: DesignProblem, found: PoseDesign) -> tuple[str, ...]:
-    """What a diagnosis will report that it cannot see, as far as poses decide it: `audit`, before they are measured.
-
-    None for poses that add to measured ones, which are audited together then, or for an arm that is known beforehand.
-    """
-    if task.measured is not None or task.prior is not None:
-        return ()
-    return audit(found.poses, solve_equilibrium(task.model, found.poses).joint_torque)
 
 
 def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:

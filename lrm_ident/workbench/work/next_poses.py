@@ -9,8 +9,6 @@ from functools import partial
 from math import sqrt
 from typing import Any
 
-import numpy as np
-
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
 from lrm_ident.design.advice import next_poses as designed
@@ -22,13 +20,14 @@ from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.candidate_view import rounded
+from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_ident.study.study import Study
 from lrm_ident.workbench.work.tasks import DoneCommand, PosesResult, PosesTask, unpacked
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.chain import chain_of
-from lrm_math.kinematics.forward import frames
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
 
 COUNT, REPEATS, SEED = 50, 5, 0
 """As `lrm-ident design` without options."""
@@ -59,7 +58,7 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> PosesResul
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
     ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
-    rules, chain = ClearanceRules(floor=floor_above_table(arm)), chain_of(arm)
+    rules = ClearanceRules(floor=floor_above_table(arm))
     offer = clear_poses(arm, (), [load * GRAM for load in loads_g], rules, SEED)
     best: tuple[tuple[str, ...], DesignProblem, PoseDesign] | None = None
     for names in rival_pairs(ranking):
@@ -81,8 +80,8 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> PosesResul
     arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
     arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
     arguments += ("--model", str(asked.files.model), "--have", str(asked.files.data), "-o", str(asked.kept))
-    q, shown = chosen.poses.q, [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
-    arms = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))[:, :, :3, 3]
+    shown = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
+    arms = arm_lines(solve_equilibrium(model_of(arm, ()), chosen.poses))
     return PosesResult(
         data=asked.files.data.name,
         words=blocks_html(shown),
