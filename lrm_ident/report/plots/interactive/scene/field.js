@@ -75,7 +75,8 @@ function lrmField(page) {
 
   // Arms in a scene of their own, as round links through their frames (mm); their tips are dots.
   function armsIn(id, title, arms, thick) {
-    const box = lrmScene.boxOf(arms.flatMap((one) => one.line)), tcp = arms.map(({ line }) => line[line.length - 1]);
+    const points = arms.flatMap((one) => one.line), tcp = arms.map(({ line }) => line[line.length - 1]);
+    const box = lrmScene.boxOf([...points, ...(scenes[id]?.content.box || [])]); // it grows, so that nothing jumps
     const radius = thick * Math.hypot(...box[1].map((c, k) => c - box[0][k])), residual = tcp.map(() => [0, 0, 0]);
     const linked = (one) => ({ ...one, points: one.line, links: one.line.slice(1).map((_, k) => [k, k + 1, radius]) });
     if (!scenes[id]?.canvas.isConnected) scenes[id] = lrmScene(place(id), { hover() {}, toggle() {}, mark() {} });
