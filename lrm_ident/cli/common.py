@@ -14,7 +14,7 @@ from rich.progress import TaskID
 from lrm_ident.cli.consoles import animated, log, out
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses, pose_doubts
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.model_fit import nominal_model
@@ -128,10 +128,15 @@ def check_arm(path: Path, one: Arm, arm: Arm) -> None:
 
 
 def read_measurements(
-    path: Path, arm: Arm, arm_name: str, reading: Reading = AS_NAMED, usual: Reading | None = None
+    path: Path,
+    arm: Arm,
+    arm_name: str,
+    reading: Reading = AS_NAMED,
+    usual: Reading | None = None,
+    part: Part = every_pose,
 ) -> Measurements:
     """Measurements that the arm can have made; what a person should know of the file goes to stderr."""
-    data = inputs.read_measurements(path, arm, arm_name, reading, usual)
+    data = inputs.read_measurements(path, arm, arm_name, reading, usual, part)
     notice(*data.notices)
     return data
 

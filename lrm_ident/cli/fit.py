@@ -107,7 +107,7 @@ def fit(
     if output is not None and not force:
         check_replaces(output, 1)
     arm_name, the_arm = arm_for(data, arm)
-    measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
+    measured = read_measurements(data, the_arm, arm_name, reading, part=lambda every: leave_out_poses(every, leave_out))
     model = _start_model(measured, the_arm, effects, start, catalogue := catalogue_with(effects_file))
     with bars() as progress:
         begun = Study(model, measured, arm_name, catalogue, progress=progress)

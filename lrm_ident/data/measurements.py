@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -257,3 +257,12 @@ class Measurements:
         if not chosen.any():
             raise FileError(self.path, "", "no poses that the fit left out", "--left-out is of the fit's own data")
         return self.take(chosen)
+
+
+Part = Callable[[Measurements], Measurements]
+"""Chooses poses of measurements."""
+
+
+def every_pose(data: Measurements) -> Measurements:
+    """All poses."""
+    return data

@@ -113,8 +113,8 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
     angles, *_ = commanded_quantities(arm)
     table = read_csv(path, ["pose", *angles.columns, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
-    if (beyond := read_numbers(table, [angles]).beyond) is not None:
-        raise beyond
+    for _, error in read_numbers(table, [angles]).beyond:
+        raise error
     tcp = (tracked.in_base() - deviation) / MM
     columns = [("pose", numbers_of(table, "pose"), 0)]
     columns += [(name, numbers_of(table, name), 3) for name in OPTIONAL if name in table.header]

@@ -23,12 +23,13 @@ from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.deployment.deployable import deployable
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
-from lrm_math.model.step_name import ADD, StepName
+from lrm_math.model.step_name import ADD, LEAVE_OUT, StepName
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ def run_auto(
     kinds = tuple(catalogue)
     latest = confirm(diagnose(model, data, kinds, progress, loss, rates))
     refused: tuple[str, ...] = ()
-    steps = [_step(None, NO_EVIDENCE, None, latest)]
+    steps = [_start(model, latest)]
     on_step(steps[0])
     while latest.first is not None and latest.refit is not None and len(steps) <= max_effects:
         on_confirmed(latest.refit)
@@ -137,6 +138,14 @@ def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
         describes=before.describes,
         replicates=before.replicates,
     )
+
+
+def _start(model: Model, first: ConfirmedDiagnosis) -> Step:
+    """The start of a run: the model as it is, or a step of its own where it was refitted without outliers."""
+    if not first.diagnosis.outliers:
+        return _step(None, NO_EVIDENCE, None, first)
+    step = _step(StepName(LEAVE_OUT), NO_EVIDENCE, model, first)
+    return replace(step, fit=deployable(step.fit, step.data))
 
 
 def _step(name: StepName | None, evidence: Evidence, start: Model | None, after: ConfirmedDiagnosis) -> Step:

@@ -88,7 +88,7 @@ def no_bounds(keys: Sequence[str]) -> Bounds:
 
 
 def check_distinct_poses(model: Model, poses: Poses, kept: int, candidates: int) -> None:
-    """Raises `LrmError` for fewer distinct poses than parameters `kept`; the message asks for `candidates`."""
+    """Raises `LrmError` for fewer distinct poses than `kept`; the message recommends `candidates`."""
     angles, count = len(np.unique(np.round(poses.q, 6), axis=0)), len(poses)
     sides = [] if poses.direction is None else [poses.direction]
     distinct = len(np.unique(np.round(np.column_stack([poses.q, poses.payload, *sides]), 6), axis=0))
@@ -96,6 +96,6 @@ def check_distinct_poses(model: Model, poses: Poses, kept: int, candidates: int)
         return
     few = f"{count} poses, and all are equal" if angles == 1 < count else f"{distinct} distinct poses"
     raise LrmError(
-        f"{few}: too few; measure at least {candidates}, spread over the joints' ranges ({model.arm.name} has "
-        f"{candidates} parameters), or fit fewer (fit --parameters)"
+        f"{few}: too few; measure at least {kept}, better {candidates}, spread over the joints' ranges "
+        f"({model.arm.name} has {candidates} parameters), or fit fewer (fit --parameters)"
     )

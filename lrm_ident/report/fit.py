@@ -34,6 +34,9 @@ FROM_DATA = (
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
 DIAGNOSE_WILL = "Names the effect that the model lacks, if these poses show it."
 MOSTLY_TOLD, OUTLIERS_SHOWN, MUCH = 0.5, 4, 1.5
+MOST_OF_OUTLIERS = (
+    0.99  # of the squared error of outliers, that of those to leave out: an error makes outliers of others
+)
 
 
 def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
@@ -151,7 +154,9 @@ def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
     squares = (fit.residual**2).sum(axis=1)
     if not len(fit.outliers) < FEW_OUTLIERS * len(data) or squares[[*fit.outliers]].sum() <= 0.5 * squares.sum():
         return []
-    numbers = ",".join(str(data.pose[row]) for row in fit.outliers)
+    far = sorted(fit.outliers, key=lambda row: -squares[row])
+    most = int(np.searchsorted(np.cumsum(squares[far]), MOST_OF_OUTLIERS * squares[far].sum())) + 1
+    numbers = ",".join(str(data.pose[row]) for row in sorted(far[:most]))
     return [f"If these measurements are wrong: --leave-out {numbers}; or give them less weight: --loss huber"]
 
 

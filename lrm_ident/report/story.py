@@ -20,6 +20,8 @@ from lrm_math.model.model_file import AttributionTerm, CourseTable, HistoryTable
 
 Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
+WITHOUT_EFFECT = ("nominal", "fit")
+"""What adds no effect: the nominal arm, the first fit, and later ones without outliers or with a prior."""
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 8
 BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
@@ -49,7 +51,7 @@ class Story:
     """How the error fell.
 
     Attributes:
-        steps: of the nominal arm, of the fit, of every effect that was added.
+        steps: of the nominal arm, of every fit, of every effect that was added.
         held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
         nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold.
         of_tracker: whether an error of the tracker was added.
@@ -67,10 +69,11 @@ class Story:
     @property
     def sentence(self) -> str:
         """The whole course in one line."""
-        added = self.steps[2:]
-        left = [f"{one.title} {in_mm(one.rms_mm * MM)}" for one in self.steps[:2]]
+        added = [one for one in self.steps if one.kind not in WITHOUT_EFFECT]
+        start = self.steps[: self.steps.index(added[0])] if added else self.steps
+        left = [f"{one.title} {in_mm(one.rms_mm * MM)}" for one in start]
         if added:
-            left.append(f"{_counted(added)} {in_mm(added[-1].rms_mm * MM)}")
+            left.append(f"{_counted(added)} {in_mm(self.steps[-1].rms_mm * MM)}")
         return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
@@ -94,7 +97,7 @@ class Story:
         rows = [
             (
                 one.title,
-                "" if one.kind in ("nominal", "fit", "effect") else one.kind,
+                "" if one.kind in (*WITHOUT_EFFECT, "effect") else one.kind,
                 in_mm(one.rms_mm * MM),
                 None if one.deployed_rms_mm is None else in_mm(one.deployed_rms_mm * MM),
                 BAR * round(BAR_WIDTH * one.rms_mm / most) if number else "",
@@ -142,7 +145,8 @@ def story_of(
         kind: Kind = known.get(number) or course.shows.get(entry.name.added) or "effect"
         title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
-        steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].rms_mm, left, deployed))
+        made = kind if number and entry.name.added else "fit"
+        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, left, deployed))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]

@@ -22,7 +22,7 @@ PARTS = (
 
 def summary_document(file: ModelFile, model: Model) -> Document:
     """Result of `lrm-ident show`, schema `lrm/summary/1`."""
-    story, steps = story_of_file(file), len(file.history) - 1
+    story, steps = story_of_file(file), sum(bool(entry.name.added) for entry in file.history)
     added = f", {steps} effect{'s' if steps != 1 else ''} added" if steps > 0 else ""
     headline = heading(f"Model of {file.arm}: {len(file.parameters)} parameters{added}")
     blocks: list[Block] = [headline, Facts(tuple(_facts(file, story))), "", *([] if story is None else [story.table()])]

@@ -15,6 +15,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ import numpy as np
 from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file import load as pose_files
 from lrm_ident.data.measurement_file.conventions import arm_for
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.measurements import Measurements, every_pose
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -81,7 +82,9 @@ read_study = options_in_python(inputs.read_study)
 
 
 @options_in_python
-def load(path: str | Path, arm: str | Path | None = None, reading: Reading = AS_NAMED) -> Measurements:
+def load(
+    path: str | Path, arm: str | Path | None = None, reading: Reading = AS_NAMED, leave_out: Sequence[int] = ()
+) -> Measurements:
     """Measured TCP positions of an arm.
 
     Args:
@@ -89,13 +92,15 @@ def load(path: str | Path, arm: str | Path | None = None, reading: Reading = AS_
         arm: name of a shipped arm or path of an arm file; None: the one that the file beside the CSV names.
         reading: units, axes, frame, and the joints' signs and order, where the columns' names do not say them:
             `lrm.Reading(unit="m", angle_unit="rad")`. Every option of the commands is a field of it.
+        leave_out: numbers of poses that were measured wrongly; a fit of the others remembers them.
 
     Warns of what a person should know of the file, such as rows that were left out. Raises `FileError`: with file, line
     and column of the first fault; `Misread` if the arm cannot have moved so.
     """
     file = path_of(path)
     name, described = arm_for(file, None if arm is None else arm_named(arm))
-    data = inputs.read_measurements(file, described, name, reading_of(reading))
+    part = partial(Measurements.without, numbers=leave_out) if len(leave_out) else every_pose
+    data = inputs.read_measurements(file, described, name, reading_of(reading), part=part)
     for words in data.notices:
         warnings.warn(words, stacklevel=3)
     return data

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.model_error import model_error_words, with_model_error
@@ -25,8 +25,21 @@ from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
-ReadMeasurements = Callable[[Path, Arm, str, Reading, Reading | None], Measurements]
+ReadMeasurements = Callable[[Path, Arm, str, Reading, Reading | None, Part], Measurements]
 """Reader of measurements, with the arguments of `read_measurements`."""
+
+
+@dataclass(frozen=True)
+class FittedPart:
+    """Chooses poses of measurements by the numbers that a fit left `left_out`, if `data_sha256` is that of its data."""
+
+    select: Callable[[Measurements, Sequence[int]], Measurements]
+    left_out: tuple[int, ...]
+    data_sha256: str | None
+
+    def __call__(self, data: Measurements) -> Measurements:
+        """The poses of measurements that it chooses."""
+        return self.select(data, self.left_out if data.sha256 == self.data_sha256 else ())
 
 
 def read_study(
@@ -55,12 +68,13 @@ def read_study(
     file, loaded, notices = read_model(path, catalogue)
     provenance = file.provenance
     usual = None if provenance is None else provenance.reading
-    measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual)
-    notices += measured.notices
+    chosen: Part = every_pose
     if provenance is not None:
-        measured = part(measured, provenance.left_out if provenance.data_sha256 == measured.sha256 else ())
-        if how := fit_words(provenance.loss, measured.left_out):
-            notices += (f"as in the model's fit: {how}",)
+        chosen = FittedPart(part, tuple(provenance.left_out), provenance.data_sha256)
+    measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual, chosen)
+    notices += measured.notices
+    if provenance is not None and (how := fit_words(provenance.loss, measured.left_out)):
+        notices += (f"as in the model's fit: {how}",)
     here, left_out = model_for_data(loaded, measured.path, measured.sha256)
     anchored = with_set_up(here, measured)
     weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), len(anchored.free))
@@ -89,7 +103,12 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tupl
 
 
 def read_measurements(
-    path: Path, arm: Arm, arm_name: str, reading: Reading = AS_NAMED, usual: Reading | None = None
+    path: Path,
+    arm: Arm,
+    arm_name: str,
+    reading: Reading = AS_NAMED,
+    usual: Reading | None = None,
+    part: Part = every_pose,
 ) -> Measurements:
     """Measurements that the arm can have made, with notices that name the file.
 
@@ -97,8 +116,9 @@ def read_measurements(
         arm_name: as model files name the arm.
         reading: units, axes, frame and signs of the numbers; what neither it nor the file beside them states is as in
             `usual`.
+        part: chooses poses; the others are neither tested nor taken.
     """
-    data = load_checked(path, arm, reading, usual)
+    data = load_checked(path, arm, reading, usual, part)
     notices = [f"{path.name}: {words}" for words in data.notices]
     if data.arm_name not in (None, arm_name):
         notices.append(f"{path.name} was measured on {data.arm_name}, the model is of {arm_name}")

@@ -15,7 +15,7 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import nominal_arm
-from lrm_ident.data.wording import enumerate_words
+from lrm_ident.data.wording import enumerate_words, poses_count
 from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
@@ -146,7 +146,9 @@ def fit_words(loss: str, left_out: Sequence[int]) -> str:
     """Loss and left-out poses of a fit in words; empty for least squares of all poses."""
     how = [] if loss == "squared" else [f"loss {loss}"]
     if left_out:
-        how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
+        how.append(
+            f"{poses_count(len(left_out))} left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}"
+        )
     return "; ".join(how)
 
 

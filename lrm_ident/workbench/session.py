@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,10 +10,11 @@ from lrm_ident.data.atomic_write import check_outputs, write_text
 from lrm_ident.workbench import session_state as state
 from lrm_ident.workbench.address import note_session
 from lrm_ident.workbench.work import tasks
-from lrm_ident.workbench.work.session_files import FollowedFile, follow_file, keep_opened
+from lrm_ident.workbench.work.session_files import follow_file, keep_opened
 from lrm_math.errors import LrmError
 
-NOTICES_KEPT = 8
+NOTICES_KEPT, LOOK_S = 8, 0.5
+"""Notices on the page; s between two looks at files that may change."""
 
 
 class WorkbenchSession(state.SessionState):
@@ -155,14 +157,13 @@ class WorkbenchSession(state.SessionState):
         """Takes what has come from the process; begins what waits."""
         for message in self.worker.messages():
             self._take(message)
-        if self.followed is not None and self.worker.task is None:
-            self._look_at(self.followed)
         if self.worker.task is None and self._waiting is not None:
             task, self._waiting = self._waiting, None
             if isinstance(task, tasks.AddTask) and self.step is not None:
                 task = replace(task, packed=self.step.packed)  # with the diagnosis that it has waited for
             self._begin(task)
-        self._look_at_data()
+        if time.monotonic() - self._looked > LOOK_S:
+            self._look_at_files()
 
     def _take(self, message: tasks.WorkMessage) -> None:
         if isinstance(message, tasks.WorkProgress):
@@ -173,11 +174,14 @@ class WorkbenchSession(state.SessionState):
         elif isinstance(message, tasks.StepResult):
             self.taken = state.with_step(self.taken, self._at_work, message)
             self._noted()
-        elif isinstance(message, tasks.LawResult):
-            self.taken = state.with_law(self.taken, message)
-            self._noted()
-        elif isinstance(message, tasks.PosesResult):
-            self.poses, self.taken = message, state.with_poses(self.taken, message)
+        elif isinstance(message, tasks.LawResult | tasks.PosesResult):
+            done = (*self.taken.done, *([message.command] if message.command else []))
+            self.taken = replace(self.taken, done=done)
+            if isinstance(message, tasks.LawResult):
+                self.taken = replace(self.taken, law=message)
+                self._noted()
+            else:
+                self.poses = message
         elif isinstance(message, tasks.WorkFailure):
             self.progress = None
             self.fail(message.words)
@@ -216,20 +220,16 @@ class WorkbenchSession(state.SessionState):
                 self.opened = keep_opened(files.data, sha256, self.folder)
         self._changed(drawn=True)
 
-    def _look_at_data(self, now: bool = False) -> None:
-        """Notices that the file of the measurements is no longer what was read."""
-        if self.opened is None or self.followed is not None or self.busy:
-            return
-        stale = self.opened.changed(now)
-        if stale != self.stale:
-            self.stale = stale
-            self._changed()
-
-    def _look_at(self, followed: FollowedFile) -> None:
-        step = self.step
+    def _look_at_files(self) -> None:
+        """Notices that the file of the measurements is no longer what was read, or that the one followed has grown."""
+        self._looked = time.monotonic()
         try:
-            if step is not None and followed.grown():
-                self._begin(tasks.CompareTask(replace(step.files, data=followed.copy)))
+            if self.followed is None and self.opened is not None and not self.busy:
+                if self.stale != (stale := self.opened.changed):
+                    self.stale = stale
+                    self._changed()
+            elif self.followed and self.step and self.worker.task is None and self.followed.grown():
+                self._begin(tasks.CompareTask(replace(self.step.files, data=self.followed.copy)))
         except LrmError as error:
             self.followed = None
             self.fail(str(error))
@@ -248,7 +248,7 @@ class WorkbenchSession(state.SessionState):
     def _steady(self) -> tasks.StepResult:
         """The last step, on measurements that are still what was read. Raises `LrmError`."""
         step = self._ready()
-        self._look_at_data(now=True)
+        self._look_at_files()
         if self.stale:
             raise LrmError(f"{step.files.data.name} has changed on disk: press Reload or Keep first")
         return step

@@ -6,7 +6,6 @@ What each result of a task adds to the steps are pure functions on values.
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,30 +14,9 @@ from lrm_ident.workbench.work import tasks
 from lrm_ident.workbench.work.session_files import FollowedFile, OpenedData
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
-from lrm_math.model.reading import Reading
 
 
-@dataclass(frozen=True)
-class DoneCommand:
-    """A command: its words, and the options of reading and effects that all of them share."""
-
-    words: tuple[str | Path, ...]
-    effects_file: Path | None = None
-    reading: Reading | None = None
-
-    @property
-    def text(self) -> str:
-        """Text for a shell."""
-        words = ["lrm-ident", *map(str, self.words)]
-        if self.effects_file is not None:
-            words += ["--effects-file", str(self.effects_file)]
-        for name, value in ({} if self.reading is None else self.reading.said()).items():
-            text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
-            words.append(f"--{name.replace('_', '-')}={text}")
-        return shlex.join(words)
-
-
-def commands_text(done: Sequence[DoneCommand]) -> str:
+def commands_text(done: Sequence[tasks.DoneCommand]) -> str:
     """One command a line."""
     return "".join(f"{command.text}\n" for command in done)
 
@@ -54,7 +32,7 @@ class TakenSteps:
 
     steps: tuple[tasks.StepResult, ...] = ()
     law: tasks.LawResult | None = None
-    done: tuple[DoneCommand, ...] = ()
+    done: tuple[tasks.DoneCommand, ...] = ()
     count: int = 0
     undone: TakenSteps | None = None
 
@@ -64,36 +42,22 @@ class TakenSteps:
         return self.steps[-1] if self.steps else None
 
 
-def with_law(taken: TakenSteps, law: tasks.LawResult) -> TakenSteps:
-    """After `propose`."""
-    files = taken.steps[-1].files
-    kept = () if law.file is None else ("-o", law.file)
-    words = ("propose", files.model, files.data, *kept)
-    return replace(taken, law=law, done=(*taken.done, DoneCommand(words, files.effects_file, files.reading)))
-
-
-def with_poses(taken: TakenSteps, poses: tasks.PosesResult) -> TakenSteps:
-    """After the next poses were chosen; unchanged where that was not possible."""
-    if not poses.command or taken.last is None:
-        return taken
-    return replace(taken, done=(*taken.done, DoneCommand(poses.command, taken.last.files.effects_file)))
-
-
 def with_step(taken: TakenSteps, task: tasks.WorkTask | None, step: tasks.StepResult) -> TakenSteps:
     """After a task has given a step: a new one, or the last one with more that is known of it."""
-    if isinstance(task, tasks.OpenTask):
-        return TakenSteps((step,), None, (_opened(task, step),), taken.count)
+    last = taken.last
+    if step.command is not None and isinstance(task, tasks.OpenTask):
+        return TakenSteps((step,), None, (step.command,), taken.count)
+    if step.command is not None:  # one that goes on, as `auto` does, stands once in the list however many steps it took
+        goes_on = taken.done[-1].words[:3] == step.command.words[:3]
+        done = (*taken.done[: -1 if goes_on else None], step.command)
+        count = taken.count + isinstance(task, tasks.AutoTask)
+        return replace(taken, steps=(*taken.steps, step), law=None, done=done, count=count, undone=None)
     if isinstance(task, tasks.DiagnoseTask):
-        same = taken.last is not None and taken.last.files == step.files
+        same = last is not None and last.files == step.files
         return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
-    if isinstance(task, tasks.CompareTask) and taken.last is not None and taken.last.files.model == step.files.model:
-        same = taken.last.shown.data_sha256 == step.shown.data_sha256
+    if last is not None and last.files.model == step.files.model:
+        same = last.shown.data_sha256 == step.shown.data_sha256
         return replace(taken, steps=(*taken.steps[:-1], step), undone=taken.undone if same else None)
-    if isinstance(task, tasks.AddTask):
-        words = ("add", task.files.model, task.files.data, task.effect, "-o", step.files.model)
-        return _did(taken, step, words)
-    if isinstance(task, tasks.AutoTask):
-        return _followed(taken, task, step)
     return replace(taken, steps=(*taken.steps, step))
 
 
@@ -101,7 +65,7 @@ def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     """After `undo`, whose model is kept in a file: the step before is the last one again, if the page knows it."""
     last, earlier, before = taken.steps[-1], taken.steps[:-1], taken
     taken = replace(taken, undone=before)
-    done = (*taken.done, DoneCommand(("undo", last.files.model, "-o", kept)))
+    done = (*taken.done, tasks.DoneCommand(("undo", last.files.model, "-o", kept)))
     if earlier and earlier[-1].shown.model == last.shown.before:
         known = replace(earlier[-1], files=replace(last.files, model=kept))
         return replace(taken, steps=(*earlier[:-1], known), done=done)
@@ -117,29 +81,6 @@ def with_data(taken: TakenSteps, data: Path) -> TakenSteps:
     """Steps on the same measurements from another file."""
     last = taken.steps[-1]
     return replace(taken, steps=(*taken.steps[:-1], replace(last, files=replace(last.files, data=data))), undone=None)
-
-
-def _did(taken: TakenSteps, step: tasks.StepResult, words: tuple[str | Path, ...]) -> TakenSteps:
-    command = DoneCommand(words, step.files.effects_file, step.files.reading)
-    return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command), undone=None)
-
-
-def _followed(taken: TakenSteps, task: tasks.AutoTask, step: tasks.StepResult) -> TakenSteps:
-    """A step of `auto`, whose command stands once in the list however many steps it has taken."""
-    models = [one.files.model for one in taken.steps]
-    number = len(models) - models.index(task.files.model)
-    before = taken if number == 1 else replace(taken, done=taken.done[:-1])
-    words = ("auto", task.files.model, task.files.data, "-o", step.files.model)
-    after = _did(before, step, (*words, "--max-effects", str(number), "--no-nested"))
-    return replace(after, count=task.number + number)
-
-
-def _opened(task: tasks.OpenTask, step: tasks.StepResult) -> DoneCommand:
-    """A fit, or a copy of the model that was opened: steps are taken from that."""
-    if task.model is not None:
-        return DoneCommand(("compare", step.files.model, task.data), task.effects_file, task.reading)
-    words: tuple[str | Path, ...] = ("fit", task.data, "-o", task.kept)
-    return DoneCommand(words if task.arm is None else (*words, "--arm", task.arm), None, task.reading)
 
 
 @dataclass
@@ -170,6 +111,7 @@ class SessionState:
     drawn: int = 0
     _waiting: tasks.WorkTask | None = None
     _at_work: tasks.WorkTask | None = None
+    _looked: float = 0.0
 
     @property
     def step(self) -> tasks.StepResult | None:
@@ -214,10 +156,7 @@ class SessionState:
     @property
     def again(self) -> str:
         """The command that goes on from here, or "" while nothing is open."""
-        if self.step is None:
-            return ""
-        files = self.step.files
-        return DoneCommand(("workbench", files.model, files.data), files.effects_file, files.reading).text
+        return self.step.files.command("workbench").text if self.step else ""
 
     def fail(self, words: str) -> None:
         """Tells why something could not be done; files that were dropped on the page have the names they came with."""

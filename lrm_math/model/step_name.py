@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-FIT, ADD, REFIT, TRANSFER = "fit", "add", "refit", "transfer"
-NAMES = {ADD: "add {of}", REFIT: "with the prior {of}", TRANSFER: "transfer from {of}"}
-"""Names of steps that were taken with something; other kinds are their own names."""
+FIT, ADD, REFIT, TRANSFER, LEAVE_OUT = "fit", "add", "refit", "transfer", "leave_out"
+NAMES = {ADD: "add {of}", REFIT: "with the prior {of}", TRANSFER: "transfer from {of}", LEAVE_OUT: "without outliers"}
+"""Names of steps whose kind is no name by itself; others are their own names."""
 VERSION_1 = re.compile(r"add (?P<add>[^\s,]+)(?:, .*)?|with the prior (?P<refit>.+)|transfer from (?P<transfer>.+)")
 """A step as files of `lrm/model/1` name it, with what could not be told from the effect behind a comma."""
 

@@ -68,7 +68,10 @@ class MotionEffect(ABC):
     id: ClassVar[str]
     about: ClassVar[Description]
     parameters: ClassVar[tuple[Parameter, ...]]
-    """`typical`: the usual size; `scan`: values that a fit starts from; no parameter is held."""
+    """`typical`: the usual size; `scan`: values that a fit starts from; no parameter is held.
+
+    `fixed`: value in files that do not state the parameter, since they are older than it.
+    """
     names_a_cause: ClassVar[bool] = True
     basic: ClassVar[bool] = False
     """Whether every joint has it from the start."""
@@ -116,6 +119,10 @@ class MotionEffect(ABC):
 
     def saturation(self, p: Values) -> Array | None:
         """(P, 1), the largest deflection (rad) that the drive answers to; None: it answers to any."""
+        return None
+
+    def hung(self, p: Values) -> tuple[Array, Array, Array] | None:
+        """ω² (1/s²), 2ζω (1/s) and inertia over J₀, (P, 1) each, of a mass on a spring behind the joint; it is read."""
         return None
 
     def reading(self, q: Array, drive: JointDrive, p: Values) -> Array:

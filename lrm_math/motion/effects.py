@@ -8,7 +8,6 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import Description, Parameter
 from lrm_math.kinematics.chain import Number
 from lrm_math.motion.base import JointDrive, MotionEffect, Values
-from lrm_math.motion.spring_step import sprung
 
 LEAST_TORQUE = 0.02
 """N·m RMS about its mean below which a load hardly moves any joint: 0.03 rad/N·m make 0.03° of it."""
@@ -392,7 +391,7 @@ class Swing(MotionEffect):
     id = "swing"
     about = Description(
         cause="What is between the motor and the sensor is a spring: the link swings on it.",
-        formula="ÿ = ω² (q − y) + 2ζω (q̇ − ẏ)",
+        formula="ÿ = ω² (q − y) + 2ζω (q̇ − ẏ), and m J₀ ÿ pushes the servo back",
         source="series elasticity; Spong 1987",
         claim="{place} swings at {frequency_Hz}, damping ratio {damping_ratio}",
         needs="quick starts and stops",
@@ -400,30 +399,15 @@ class Swing(MotionEffect):
     parameters = (
         Parameter("frequency_Hz", "natural frequency", 5.0, 0.5, 14.0, scan=(1.6, 2.1, 2.7, 3.5, 4.5, 5.8, 7.5, 10.0)),
         Parameter("damping_ratio", "share of critical damping", 0.05, 0.003, 1.0, scan=(0.04, 0.15)),
+        Parameter(
+            "mass_ratio", "inertia of what swings, over the servo's", 0.05, 0.0, 5.0, 0.0, scan=(0.0,), largest=5.0
+        ),
     )
 
-    def reading(self, q: Array, drive: JointDrive, p: Values) -> Array:
-        """The swing about q."""
-        return self.swung(q, 2.0 * np.pi * p[0], p[1], drive.h)
-
-    @staticmethod
-    def swung(q: Array, omega: Array, ratio: Array, h: float) -> Array:
-        """(M + 1, P, S), where a mass is on a spring that q leads, known at steps of h (s); from rest.
-
-        z = y − q: z̈ = −ω² z − 2ζω ż − q̈. It swings exactly between the steps; q̈ is of fourth order in h.
-        """
-        turned, moved, kicked, slowed = sprung(omega**2, 2.0 * ratio * omega, h)
-        out = np.empty_like(q)
-        out[0] = away = np.zeros_like(q[0])
-        steps = np.diff(q, axis=0) / h
-        jumps = np.diff(steps, axis=0, prepend=steps[:1])
-        jumps[1:-1] -= np.diff(jumps, n=2, axis=0) / 12.0
-        speed = np.zeros_like(away)
-        for k in range(len(steps)):
-            speed = speed - jumps[k]
-            away, speed = away - turned * away + moved * speed, slowed * speed - kicked * away
-            out[k + 1] = away
-        return q + out
+    def hung(self, p: Values) -> tuple[Array, Array, Array] | None:
+        """The link."""
+        omega = 2.0 * np.pi * p[0]
+        return omega**2, 2.0 * p[1] * omega, p[2]
 
 
 def _begun(goal: Array, drive: JointDrive, ahead: Array) -> Array:

@@ -132,7 +132,7 @@ def motion_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue
         for key in numbers:
             if key not in known:
                 raise FileError(path, table, f"unknown parameter {key}", f"one of {', '.join(known)}")
-    missing = [key for key in known if key not in file.parameters]
+    missing = [key for key, parameter in known.items() if key not in file.parameters and parameter.fixed is None]
     if missing:
         raise FileError(path, "parameters", f"no value of {missing[0]}", "every effect states all of its parameters")
     for key, value in file.parameters.items():
@@ -142,7 +142,7 @@ def motion_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue
     for key, value in file.sigma.items():
         if value < 0.0:
             raise FileError(path, "sigma", f"{key} = {value:g}", "a standard error is not below zero")
-    values = {key: value * known[key].si for key, value in file.parameters.items()}
+    values = {key: file.parameters.get(key, p.default / p.si) * p.si for key, p in known.items()}
     sigma = {key: value * known[key].si for key, value in file.sigma.items()}
     return MotionModel(arm, effects, values, sigma)
 

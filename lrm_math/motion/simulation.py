@@ -13,7 +13,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.motion.base import JointDrive, MotionEffect, Values
 from lrm_math.motion.effects import ServoResponse
-from lrm_math.motion.spring_step import sprung
+from lrm_math.motion.spring_step import sprung, two_masses
 
 LEAST_INERTIA = 0.05
 """J/J₀ of a posture that is lighter than any."""
@@ -42,7 +42,7 @@ def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: J
 
 
 def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointDrive, start: Array) -> Array:
-    """(M + 1, P, S), angle (rad) of the joint that the servo leads along the set-point u."""
+    """(M + 1, P, S), angle (rad) of the joint that a servo leads along the set-point u, or of what swings behind it."""
     response = next((p for effect, p in pairs if isinstance(effect, ServoResponse)), None)
     if response is None:
         return np.concatenate([u[:1], u])
@@ -50,7 +50,13 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     braking = braking + omega**2 * sum(effect.damping(drive, p) for effect, p in pairs)
     inertia = np.maximum(1.0 + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
     stiffness, braking = omega**2 / inertia, braking / inertia
-    pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in sprung(stiffness, braking, h))
+    second = next((x for effect, p in pairs if (x := effect.hung(p)) is not None), None)
+    own: tuple[Array, ...] = sprung(stiffness, braking, h)
+    if second is not None:
+        step = two_masses(stiffness, braking, (*second[:2], second[2] / inertia), h)
+        step = np.broadcast_to(step[:, :, None] if step.ndim < 5 else step, (4, 4, *u.shape))
+        own = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
+    pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in own)
     told = u + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
     fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
@@ -59,12 +65,16 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     q, v = np.broadcast_to(start, u.shape[1:]).copy(), np.broadcast_to(drive.speed, u.shape[1:]).copy()
     out = np.empty((len(u) + 1, *u.shape[1:]))
     out[0], dry = q, bool(np.any(rubs)) or bool(fading)
+    behind = np.zeros((2, *q.shape))  # angle and speed of the second mass, less those of the joint
     for k in range(len(u)):
-        force = told[k] - q
+        force, ahead, then = told[k] - q, moved[k] * v, slowed[k] * v
+        if second is not None:
+            ahead = ahead - np.sum(step[0, 2:, k] * behind, axis=0)
+            then = then + np.sum(step[1, 2:, k] * behind, axis=0)
         if most is not None:
             limited = np.clip(force, -most, most)
-            force = force - _mean_excess(force, force - pushed[k] * limited - moved[k] * v, most)
-        then = kicked[k] * force + slowed[k] * v
+            force = force - _mean_excess(force, force - pushed[k] * limited - ahead, most)
+        then = then + kicked[k] * force
         if dry:
             rub = np.zeros_like(q)
             for _ in range(IMPLICIT if fading else 1):  # friction at the mean speed of the step
@@ -72,9 +82,11 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
                 bound = rubs[k] + sum(effect.friction_at(mean, p) for effect, p in fading)
                 rub = np.clip(-then / kicked[k], -bound, bound)
             force, then = force + rub, then + kicked[k] * rub
-        q = q + pushed[k] * force + moved[k] * v
+        q = q + pushed[k] * force + ahead
+        if second is not None:
+            behind = np.sum(step[2:, 2:, k] * behind, axis=1) + step[2:, 0, k] * force + step[2:, 1, k] * v
         v = then
-        out[k + 1] = q
+        out[k + 1] = q + behind[0]
     return out
 
 

@@ -15,7 +15,7 @@ def swinging(arm: str = "lrm-rover", **joints: tuple[float, float]) -> MotionMod
         effect = effect_of(model.arm, f"swing@{place}")
         known = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
         both = (*model.of_joint(effect.joint), effect)
-        model = model.with_joint(both, {**known, **dict(zip(effect.keys, values, strict=True))}, {})
+        model = model.with_joint(both, {**known, **dict(zip(effect.keys, (*values, 0.0), strict=True))}, {})
     return model
 
 

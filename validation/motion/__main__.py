@@ -31,7 +31,7 @@ class MotionOutcome:
             none there is, or the error that stays is said), missed (nothing wrong, but the cause is there and the model
             claims to be complete), false (an identified cause that is not there).
         before, after, noise: held-out error of the joint where the cause hides (deg RMS), and the noise of a reading.
-        inside: how many of the known parameters' 95 % intervals hold the truth, and of how many.
+        off: of the known parameters, by key: value less truth in its standard errors.
     """
 
     case: str
@@ -42,8 +42,13 @@ class MotionOutcome:
     before: float
     after: float
     noise: float
-    inside: tuple[int, int]
+    off: dict[str, float]
     seconds: float
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """How many of the 95 % intervals hold the truth, and of how many."""
+        return sum(abs(off) <= 1.96 for off in self.off.values()), len(self.off)
 
 
 def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> MotionOutcome:
@@ -71,18 +76,16 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
         verdict = "right"
     else:
         verdict = "honest" if after > 1.2 * noise else "missed"
-    truth, inside = truth_of(case, arm, joint), []
-    for key, value in truth.items():
+    off = {}
+    for key, value in truth_of(case, arm, joint).items():
         if key in study.model.values and study.model.sigma.get(key, 0.0) > 0.0:
             kind, where, _ = key.split(".")
             sound = where != place or right & {effect.name for effect in study.model.added}
             if sound and EffectRef.parse(f"{kind}@{where}"):
-                inside.append(abs(study.model.values[key] - value) <= 1.96 * study.model.sigma[key])
+                off[key] = (study.model.values[key] - value) / study.model.sigma[key]
     before = start.fits[joint].held_out_rms
     degrees = [float(np.degrees(value)) for value in (before, after, noise)]
-    return MotionOutcome(
-        case.name, joint + 1, named, rest, verdict, *degrees, (int(sum(inside)), len(inside)), time.monotonic() - begun
-    )
+    return MotionOutcome(case.name, joint + 1, named, rest, verdict, *degrees, off, time.monotonic() - begun)
 
 
 def main() -> None:
@@ -106,18 +109,33 @@ def main() -> None:
     found = []
     for (when, case), (arm, joint), made in zip(chosen, arms, recorded([arm for arm, _ in arms], rng), strict=True):
         one = answered(case, arm, joint, made)
-        found.append({"written": when, **asdict(one)})
+        found.append((when, one))
         print(
             f"{when:6} {one.case:20} joint{one.joint} {one.verdict:7} {one.before:.3f} -> {one.after:.3f} deg "
             f"(noise {one.noise:.3f}), 95 % intervals {one.inside[0]}/{one.inside[1]}, {one.seconds:.0f} s: "
             f"{', '.join(one.named) or 'no cause identified'} | {'; '.join(one.rest) or '-'}",
             flush=True,
         )
-    verdicts = Counter(str(one["verdict"]) for one in found)
-    held, of = (sum(one["inside"][k] for one in found) for k in (0, 1))
+    verdicts = Counter(one.verdict for _, one in found)
+    held, of = (sum(one.inside[k] for _, one in found) for k in (0, 1))
     print(f"{dict(verdicts)}; 95 % intervals that hold the truth: {held} of {of}")
+    for name, offs in by_parameter([one for _, one in found]).items():
+        print(
+            f"  {name:28} {int(np.sum(np.abs(offs) <= 1.96)):3} of {len(offs):3}, farthest {np.max(np.abs(offs)):.1f}"
+        )
     if given.json:
-        given.json.write_text(json.dumps({"seed": given.seed, "cases": found}, indent=1) + "\n")
+        cases = [{"written": when, **asdict(one), "inside": one.inside} for when, one in found]
+        given.json.write_text(json.dumps({"seed": given.seed, "cases": cases}, indent=1) + "\n")
+
+
+def by_parameter(found: list[MotionOutcome]) -> dict[str, list[float]]:
+    """Standard errors off, of all joints and cases, by `id.parameter`."""
+    out: dict[str, list[float]] = {}
+    for one in found:
+        for key, off in one.off.items():
+            kind, _, parameter = key.split(".")
+            out.setdefault(f"{kind}.{parameter}", []).append(off)
+    return out
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def known_model(arm: Arm) -> MotionModel:
     for place, spring in SPRINGS.items():
         effect = effect_of(arm, f"swing@{place}")
         omega, J = np.sqrt(spring.stiffness / M[effect.joint]), M[effect.joint]
-        own = dict(zip(effect.keys, (omega / 2.0 / np.pi, spring.damping / (2.0 * omega * J)), strict=True))
+        own = dict(zip(effect.keys, (omega / 2.0 / np.pi, spring.damping / (2.0 * omega * J), 0.0), strict=True))
         kept = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
         model = model.with_joint((*model.of_joint(effect.joint), effect), {**kept, **own}, {})
     return model

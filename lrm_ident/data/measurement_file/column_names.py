@@ -45,14 +45,15 @@ UNIT_WORDS = {
     "in": "inch", "inch": "inch", "inches": "inch",
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "grad",
     "rad": "rad", "radian": "rad", "radians": "rad",
-    "s": "s", "sec": "s", "seconds": "s", "g": "g", "gram": "g", "grams": "g", "kg": "kg",
+    "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "milliseconds": "ms", "min": "min", "minutes": "min",
+    "g": "g", "gram": "g", "grams": "g", "kg": "kg",
     "c": "c", "°c": "c", "v": "v",
 }  # fmt: skip
 FACTORS: dict[str, dict[str | None, float]] = {
     "mm": {unit: metres / LENGTH_UNITS["mm"] for unit, metres in LENGTH_UNITS.items()},
     "deg": {unit: radians / ANGLE_UNITS["deg"] for unit, radians in ANGLE_UNITS.items()},
     "g": {"g": 1.0, "kg": 1e3},
-    "s": {"s": 1.0},
+    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
     "c": {"c": 1.0},
     "v": {"v": 1.0},
 }

@@ -23,6 +23,8 @@ from lrm_math.model.reading import Reading
 
 LISTED = 8
 SAME_POSE = float(np.radians(1.0))
+SLOW_PACE_H = 1.0
+"""Time between two poses beyond which their times are rather milliseconds."""
 
 
 def read_poses(
@@ -113,6 +115,9 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
         back = np.concatenate([[False], (np.diff(t) < 0) & same_session])
         if back.any():
             yield f"t_s runs backwards at {pose_words(number[back])}: are the rows in the order measured?"
+        pace_h = float(np.median(np.abs(np.diff(t)))) / 3600.0 if len(t) > 1 else 0.0
+        if pace_h > SLOW_PACE_H:
+            yield f"half of the poses are {pace_h:.3g} h or more apart; if t_s is in milliseconds: rename it t_ms"
     first = {pose: row for row, pose in enumerate(number.tolist())}
     q, of = table["angles"], [first[pose] for pose in table.integers("repeat_of").tolist()]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE

@@ -41,15 +41,15 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
     Raises `FileError`: naming file, line and column of the first fault.
     """
     data, beyond = read_measured(path, arm, reading, usual)
-    if beyond is not None:
-        raise beyond
+    for _, error in beyond:
+        raise error
     return data
 
 
 def read_measured(
     path: Path, arm: Arm, reading: Reading, usual: Reading | None
-) -> tuple[Measurements, FileError | None]:
-    """Measurements as `load_measurements` reads them, and the error of the first joint angle beyond the limits.
+) -> tuple[Measurements, tuple[tuple[int, FileError], ...]]:
+    """Measurements as `load_measurements` reads them, and pose and error of each joint angle beyond the limits.
 
     Raises `FileError`.
     """
@@ -83,7 +83,8 @@ def read_measured(
     sensed = without_lone(sensed) if touched.touched else without_lost(sensed)
     if np.linalg.det(said.rotation) < 0 and sensed.attitude is not None:
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-    return sensed.turned(said.rotation, said.translation), table.beyond
+    beyond = tuple((int(data.pose[row]), error) for row, error in table.beyond)
+    return sensed.turned(said.rotation, said.translation), beyond
 
 
 def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
@@ -111,8 +112,8 @@ def load_pose_table(
     how = said.how
     known = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
     table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
-    if table.beyond is not None:
-        raise table.beyond
+    for _, error in table.beyond:
+        raise error
     return read_poses(table, arm, how, said.start).turned(motion_of(how)[0]), table
 
 

@@ -25,18 +25,20 @@ from lrm_math.plausibility import implausible_value
 LISTED, COLUMNS_LISTED = 8, 12
 """Cells that are named beside the first wrong one, and columns that are there beside one that is missing."""
 LIMIT_TOLERANCE = np.radians(1e-6)
+MISTYPED = 0.1
+"""Share of the rows up to which joint angles beyond the limits are single mistakes."""
 
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
     """Quantities (N, k) of N poses by name, one column for each of theirs, SI; NaN where a cell is empty.
 
-    `cells`: where they come from. `beyond`: the error of the first joint angle beyond the arm's limits.
+    `cells`: where they come from. `beyond`: row and error of each joint angle beyond the arm's limits.
     """
 
     cells: CsvTable
     quantities: Mapping[str, Array]
-    beyond: FileError | None = None
+    beyond: tuple[tuple[int, FileError], ...] = ()
 
     def __len__(self) -> int:
         return len(self.cells.rows)
@@ -256,22 +258,43 @@ def _seconds(cells: CsvTable) -> Array:
 
 
 def _within_limits(table: NumberTable, angles: PoseQuantity) -> NumberTable:
-    """The table with angles beyond the arm's limits a full turn away (260 deg: -100), with a notice, or `beyond`."""
+    """The table with angles beyond the arm's limits a full turn away (260 deg: -100), with a notice, or `beyond`.
+
+    Where more than `MISTYPED` of the rows are beyond, no angle is turned: their unit, or the arm, is another one.
+    """
     stated, (low, high) = table[angles.name], np.array(angles.limits).T
     other = stated - np.sign(stated) * 2.0 * np.pi
     outside, away = ((q < low - LIMIT_TOLERANCE) | (q > high + LIMIT_TOLERANCE) for q in (stated, other))
-    if (outside & away).any():
-        j, row = np.argwhere((outside & away).T)[0].tolist()
+    beyond = []
+    for j, row in np.argwhere((outside & away).T).tolist():
         what = f"{np.degrees(stated[row, j]):g} deg is beyond the limits of joint {j + 1}"
         right = "{:g} to {:g} deg".format(*np.degrees(angles.limits[j]))
-        return replace(table, beyond=cell_error(table.cells, row, angles.columns[j], what, right))
-    q, notices = np.where(outside, other, stated), list(table.cells.notices)
-    for j in np.flatnonzero(outside.any(axis=0)).tolist():
-        row, turned = int(np.argmax(outside[:, j])), int(outside[:, j].sum())
+        beyond.append((row, cell_error(table.cells, row, angles.columns[j], what, right)))
+    if len({row for row, _ in beyond}) > MISTYPED * len(table):
+        return replace(table, beyond=tuple(beyond))
+    turning = outside & ~away
+    q, notices = np.where(turning, other, stated), list(table.cells.notices)
+    for j in np.flatnonzero(turning.any(axis=0)).tolist():
+        row, turned = int(np.argmax(turning[:, j])), int(turning[:, j].sum())
         was, read = np.degrees([stated[row, j], q[row, j]])
         count = "1 angle is" if turned == 1 else f"{turned} angles are"
         notices.append(f"{count} beyond the limits of joint {j + 1} and read a full turn away: {was:g} = {read:g} deg")
-    return NumberTable(replace(table.cells, notices=tuple(notices)), {**table.quantities, angles.name: q})
+    cells, quantities = replace(table.cells, notices=tuple(notices)), {**table.quantities, angles.name: q}
+    return NumberTable(cells, quantities, tuple(beyond))
+
+
+def _numbered_through(table: NumberTable) -> NumberTable:
+    """The table with the rows numbered 1, 2, 3 …, with a notice, where each session numbers its own from anew."""
+    session = table.column("session")
+    if session is None or "repeat_of" in table or len(np.unique(table["pose"])) == len(table):
+        return table
+    if len(np.unique(np.stack([session, table["pose"][:, 0]], axis=1), axis=0)) < len(table):
+        return table
+    notice = f"each session has its own pose numbers: the rows are taken as poses 1 to {len(table)}, in their order"
+    cells = replace(table.cells, notices=(*table.cells.notices, notice))
+    return replace(
+        table, cells=cells, quantities={**table.quantities, "pose": np.arange(1.0, len(table) + 1.0)[:, None]}
+    )
 
 
 def checked_rows(table: NumberTable) -> NumberTable:
@@ -279,6 +302,7 @@ def checked_rows(table: NumberTable) -> NumberTable:
 
     Raises `FileError`: a number that stands twice, a repetition of no pose, or a row without position and distance.
     """
+    table = _numbered_through(table)
     cells, pose, first = table.cells, table.integers("pose"), dict[int, int]()
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:

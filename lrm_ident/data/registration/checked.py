@@ -17,16 +17,16 @@ from lrm_ident.data.measurement_file.conventions import frame_table, motion_of, 
 from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.load import read_measured
 from lrm_ident.data.measurement_file.measured_columns import without_frozen
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.hypotheses import Hypothesis
+from lrm_ident.data.registration.moved_frame import moved_frame
+from lrm_ident.data.registration.point_set import Scored, registered
 from lrm_ident.data.registration.reading_check import (
     DOUBTFUL,
     ReadingCheck,
-    Scored,
     check_reading,
     compared_rows,
-    registered,
 )
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.touched import in_frame_of_touches, misread_touches
@@ -52,9 +52,12 @@ WHAT_ELSE = (
 class Misread(FileError):
     """Measurements that their arm cannot have made as they were read; carries the `check` of the comparison."""
 
-    def __init__(self, path: Path, check: ReadingCheck, arm: Arm, stated: Reading) -> None:
-        self.check = check
+    def __init__(self, data: Measurements, check: ReadingCheck, arm: Arm) -> None:
+        self.check, path, stated = check, data.path, data.stated
         missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
+        if not check.found and (moved := _moved_words(arm, data, check)):
+            super().__init__(path, "", f"{missed}; {moved[0]}", moved[1])
+            return
         if not check.found:
             what = f"{missed}; no other unit, frame or axes and no sign or order of the joints explains them"
             super().__init__(path, "", what, WHAT_ELSE)
@@ -65,21 +68,26 @@ class Misread(FileError):
         super().__init__(path, "", words, f"if so: {remedies} {then}{_millimetres(check.read)})")
 
 
-def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Reading | None = None) -> Measurements:
+def load_checked(
+    path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Reading | None = None, part: Part = every_pose
+) -> Measurements:
     """Reads measurements and tests whether the arm can have made them.
 
     Args:
         reading: how to read the numbers; then the file beside the data says, then `usual`, then the columns' names.
+        part: chooses poses; the others are neither tested nor taken.
 
     Raises:
         FileError: naming file, line and column of the first fault.
         Misread: the numbers mean something else, or are of another arm.
     """
     read, beyond = read_measured(path, arm, reading, usual)
-    data = read if read.touched else without_frozen(arm, read)
+    chosen = part(read)
+    data = chosen if read.touched else without_frozen(arm, chosen)
     notices = _check(arm, data)
-    if beyond is not None:
-        raise beyond
+    for pose, error in beyond:
+        if pose in chosen.pose:
+            raise error
     found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
     check_attitude(arm, found)
     return found
@@ -95,7 +103,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         _check_distances(arm, data)
         return ()
     if not check.right:
-        raise Misread(data.path, check, arm, data.stated)
+        raise Misread(data, check, arm)
     better = next((scored for scored in check.found if scored.hypothesis.words), None)
     if not check.read.overdetermined:
         return ()
@@ -159,6 +167,18 @@ def remedy(hypothesis: Hypothesis, stated: Reading) -> str:
             text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
             options.append(f"--{name.replace('_', '-')}{'=' if text.startswith('-') else ' '}{text}")
     return " and ".join([" ".join(options)] * bool(options) + [hypothesis.remedy] * bool(hypothesis.remedy))
+
+
+def _moved_words(arm: Arm, data: Measurements, check: ReadingCheck) -> tuple[str, str] | None:
+    """What was moved and what to do, in words, if a change of frame explains what no reading does."""
+    moved = moved_frame(arm, data)
+    if moved is None or moved.score > DOUBTFUL * check.read.spread:
+        return None
+    by = f"turned by {math.degrees(moved.angle):.1f} deg and moved by {moved.distance / MM:.0f} mm"
+    what = f"from pose {moved.first} on the positions are in another frame, {by}: the tracker or the base was moved"
+    alone = f"then {moved.score / MM:.3g} mm are missed on either side"
+    right = f"give all in one frame, or fit one part: --leave-out {moved.first}-{moved.last}"
+    return what, f"{right} ({alone})"
 
 
 def _millimetres(scored: Scored) -> str:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from lrm_ident.data.registration.reading_check import nominal_tcp
+from lrm_ident.data.registration.point_set import nominal_tcp
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_ident.data.wording import in_mm, in_percent

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.conventions import axes_matrix, axes_words, rigid_motion
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
+from lrm_ident.data.registration.coarse_fit import trimmed_rms
 from lrm_ident.data.registration.column_imputation import imputed_angles, imputed_coordinate
 from lrm_ident.data.registration.gravity_directions import hung_otherwise
 from lrm_ident.data.registration.hypotheses import (
@@ -30,17 +30,12 @@ from lrm_ident.data.registration.hypotheses import (
     with_free_frame,
     with_unit,
 )
+from lrm_ident.data.registration.point_set import PointSet, Scored, nominal_tcp, spread_of
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
-from lrm_math.arrays import Array
-from lrm_math.effects.reference import BASE_OFFSETS, ParameterRef
-from lrm_math.errors import NoEquilibrium
-from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
-from lrm_math.model.model import model_of
-from lrm_math.model.reading import FrameTable, Reading
+from lrm_math.model.reading import FrameTable
 
 LEAST_POSES = 6
 SAME_POSE = 1e-6  # rad
@@ -70,32 +65,8 @@ BESIDE = 0.1
 """Share of the spread that a sign moves the positions by where the floor may hide it: the tip is near that axis."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
-REGISTRATIONS = 2
-LIKE_BASE = ("offsets.joint1.theta_rad", "offsets.joint1.d_mm")
-"""They move all tips as a base does that turns about the first axis, or slides along it."""
 MAX_RELATIVE_ERROR = 0.3
 """Share of the spread beyond which the data are of another arm, even if no other reading is better."""
-
-
-@dataclass(frozen=True)
-class Scored:
-    """A hypothesis and how far its coarse fit misses.
-
-    Attributes:
-        score: `trimmed_rms` of the distances (m).
-        spread: RMS distance of the nominal arm's positions from their centre (m).
-        overdetermined: whether there are enough poses for a coarse fit to miss at all.
-    """
-
-    hypothesis: Hypothesis
-    score: float
-    spread: float
-    overdetermined: bool
-
-    @property
-    def share(self) -> float:
-        """Score over spread."""
-        return self.score / self.spread
 
 
 @dataclass(frozen=True)
@@ -119,29 +90,6 @@ class ReadingCheck:
         return self.read.share <= min(max(FLOOR, best / BETTER), MAX_RELATIVE_ERROR)
 
 
-@dataclass(frozen=True, eq=False)
-class PointSet:
-    """Joint angles and positions of some measurements as read, and how: units stated, never a known frame."""
-
-    arm: Arm
-    poses: Poses
-    tcp: Array
-    reading: Reading
-
-    @property
-    def as_read(self) -> Hypothesis:
-        """The hypothesis that nothing was mistaken."""
-        return Hypothesis(self.reading, self.poses.q, self.tcp)
-
-    def scored(self, hypothesis: Hypothesis) -> Scored:
-        """A hypothesis, scored by the coarse fit with the angles and positions that it makes of these."""
-        poses, free = replace(self.poses, q=hypothesis.q), hypothesis.reading.frame == "unknown"
-        seen = registered(self.arm, poses, hypothesis.tcp)[0] if free else hypothesis.tcp
-        nominal = nominal_tcp(self.arm, poses)
-        fit = coarse_fit(self.arm, poses, seen, fixed_base=free)
-        return Scored(hypothesis, fit.score, _spread(nominal), fit.overdetermined)
-
-
 def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
     rows = compared_rows(data)
@@ -149,7 +97,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
         return None
     points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.stated)
     one_pose = np.ptp(points.poses.q, axis=0).max() < SAME_POSE
-    if one_pose or _spread(nominal_tcp(arm, points.poses)) == 0.0:
+    if one_pose or spread_of(nominal_tcp(arm, points.poses)) == 0.0:
         return None
     read = points.scored(points.as_read)
     hung = _hung_otherwise(points, read)
@@ -159,7 +107,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
     if read.overdetermined and min(scored.share for scored in every) > DOUBTFUL:
-        every += _unrelated_columns(points, read)
+        every += [*_unrelated_columns(points, read), *_shifted_rows(points, data, rows)]
     best = min(scored.share for scored in every)
     alike = [scored for scored in every if scored.share <= max(ALIKE * best, FLOOR)]
     simplest = min(scored.hypothesis.complexity for scored in alike)
@@ -212,7 +160,7 @@ def _proposals(points: PointSet) -> Iterator[Hypothesis]:
         for mirrored in (False, True):
             found = robust_similarity(points.tcp, nominal, mirrored)
             left = trimmed_rms(np.linalg.norm(nominal - found.apply(points.tcp), axis=1))
-            candidates.append((left / max(_spread(nominal), 1e-9), joints, found, mirrored))
+            candidates.append((left / max(spread_of(nominal), 1e-9), joints, found, mirrored))
     best = min(left for left, *_ in candidates)
     worth = [candidate for candidate in candidates if candidate[0] <= WORTH * best]
     worth.sort(key=lambda candidate: (candidate[1].complexity, candidate[0]))
@@ -289,6 +237,17 @@ def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
         yield from (s for s in map(points.scored, every) if s.share < IMPROVED * read.share)
 
 
+def _shifted_rows(points: PointSet, data: Measurements, rows: NDArray[np.int64]) -> Iterator[Scored]:
+    """The positions, each with the joint angles of the row before or after."""
+    for by, which in ((-1, "before"), (1, "after")):
+        kept = rows[(rows + by >= 0) & (rows + by < len(data))]
+        moved = replace(points, poses=data.poses.take(kept), tcp=data.tcp[kept])
+        words = f"each position belongs to the joint angles of the row {which}"
+        remedy = "shift the columns of the positions by one row"
+        hypothesis = moved.as_read.also(words, COMPOUND, remedy)
+        yield moved.scored(replace(hypothesis, q=data.poses.q[kept + by]))
+
+
 def _with_imputed_angles(points: PointSet) -> Iterator[Hypothesis]:
     for joint, number in enumerate(points.reading.joint_order or range(1, points.arm.dof + 1)):
         angles = imputed_angles(points.arm, points.poses, points.tcp, joint)
@@ -307,37 +266,3 @@ def _with_imputed_coordinates(points: PointSet) -> Iterator[Hypothesis]:
             continue
         words, remedy = f"{name} does not belong to these angles", "look into its column: its unit, its sign, its rows"
         yield replace(points.as_read.also(words, COMPOUND, remedy), tcp=tcp)
-
-
-def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
-    """Positions (N, 3) in the arm's frame (m), and the rigid motion that takes them there.
-
-    Registration (Kabsch 1976) and coarse fit of the arm's dimensions alternate. The fit moves the base, too, which is
-    then put back: the arm's sag, or a turn of joint 1, would else be taken for a place of the base.
-    """
-    goal = nominal_tcp(arm, poses)
-    for _ in range(REGISTRATIONS):
-        motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
-        goal = _on_drawn_base(coarse_fit(arm, poses, motion.apply(tcp), any_target=True).equilibrium)
-    motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
-    return motion.apply(tcp), motion
-
-
-def _on_drawn_base(fitted: Equilibrium) -> Array:
-    """(N, 3), TCP (m) of a fitted arm whose base stands as drawn; as fitted if it would not settle there."""
-    model, poses = fitted.model, fitted.poses
-    keys = [key for key in model.keys if ParameterRef.parse(key).effect == BASE_OFFSETS or key in LIKE_BASE]
-    try:
-        return solve_equilibrium(model.with_values_of(keys, np.zeros(len(keys))), poses).tcp
-    except NoEquilibrium:  # of a misread file the fit is at its bounds
-        return fitted.tcp
-
-
-def nominal_tcp(arm: Arm, poses: Poses) -> Array:
-    """(N, 3), TCP of the arm as drawn (m)."""
-    return solve_equilibrium(model_of(arm, ()), poses).tcp
-
-
-def _spread(points: Array) -> float:
-    """RMS distance of points (N, 3) from their centre (m)."""
-    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))

@@ -25,6 +25,8 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
 DELIMITERS = (";", "\t", ",")
 COMMENT = ("#", "%", "//")
+TYPOGRAPHIC_MINUS = re.compile(r"(?<![^\s,;\"'])[\u2212\u2013](?=[.,]?\d)")
+"""A minus sign or an en dash at the beginning of a cell, before a number, as word processors and web pages write it."""
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
@@ -92,7 +94,8 @@ def read_text(path: Path) -> FileText:
         notices.append("read as Windows-1252 (Latin-1), as it is not UTF-8")
     if NO_TEXT.search(text):
         raise FileError(path, "", "is no text", "a table: CSV, or an Excel workbook (.xlsx)")
-    if not text.endswith("\n"):
+    text = TYPOGRAPHIC_MINUS.sub("-", text)
+    if not text.endswith(("\n", "\r")):
         notices.append("the last line does not end; is the file complete?")
     return FileText(text, sha256, tuple(notices))
 

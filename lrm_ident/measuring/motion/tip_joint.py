@@ -34,7 +34,7 @@ def springs_of(model: MotionModel) -> Springs:
     found = {}
     for effect in model.effects:
         if isinstance(effect, Swing):
-            hz, ratio = (np.array([model.values[key]]) for key in effect.keys)
+            hz, ratio = (np.array([model.values[key]]) for key in effect.keys[:2])
             found[effect.joint] = 2.0 * np.pi * hz, ratio
     return found
 

@@ -10,7 +10,7 @@ import numpy as np
 from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words
+from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words, poses_words
 from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objection_to_prediction
@@ -61,7 +61,10 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
     deployed = None if step.held_out is None else step.held_out.deployed
     on_the_arm = in_mm(held_out if deployed is None else deployed.now.rms)
     there = "" if on_the_arm == in_mm(held_out) else f"  as deployed {on_the_arm}"
-    yield f"{number:4d}  {step.added or 'start: fitted model':30s} {in_mm(held_out):>7s}  {bar}{there}"
+    begun = "start: fitted model" if step.name is None else f"start: {step.name}"
+    yield f"{number:4d}  {step.added or begun:30s} {in_mm(held_out):>7s}  {bar}{there}"
+    if step.name is not None and not step.added:
+        yield Text(f"      left out: {poses_words(step.data.left_out)}", style="dim")
     if step.evidence.equivalent:
         rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")

@@ -7,12 +7,11 @@ import pickle
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import singledispatch
-from itertools import count
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import arm_for
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.candidate_trial import Refit
 from lrm_ident.diagnosis.diagnose import Diagnosis
@@ -59,15 +58,16 @@ def open_files(task: tasks.OpenTask, send: tasks.Send) -> None:
         check_enough(len(study.data), len(study.model.free), study.prior)
         _tell(study.notices, send)
         study.save(task.kept)
-        send(step_found(files, quick_report(study)))
+        send(step_found(files, quick_report(study), files.command("compare")))
         return
     name, arm = arm_for(task.data, task.arm)
-    data = _read(task.data, arm, name, task.reading, None)
+    data = _read(task.data, arm, name, task.reading, None, every_pose)
     _tell(data.notices, send)
     send(tasks.WorkProgress("fitting"))
     study = Study.of(data, progress=_bars(send)).fit()
     study.save(task.kept)
-    _send_step(files, send)
+    words = ("fit", task.data, "-o", task.kept, *(() if task.arm is None else ("--arm", task.arm)))
+    _send_step(files, send, tasks.DoneCommand(words, None, task.reading))
 
 
 @run_task.register
@@ -100,13 +100,14 @@ def add_effect(task: tasks.AddTask, send: tasks.Send) -> None:
         screened = _screened(task.files, study)
         send(tasks.WorkProgress(f"adding {task.effect}: refitting everything"))
         study.add(task.effect, screened).save(task.kept)
-    _send_step(replace(task.files, model=task.kept), send, task.packed)
+    command = task.files.command("add", task.effect, "-o", task.kept)
+    _send_step(replace(task.files, model=task.kept), send, command, task.packed)
 
 
 @run_task.register
 def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
     """Takes step after step and keeps each."""
-    numbers, errors, coming, packed = count(task.number), list[str](), list[str](), task.packed
+    errors, coming, packed, taken = list[str](), list[str](), task.packed, 0
 
     def on_confirmed(refit: Refit) -> None:
         """Notes the error that the step which is coming will have."""
@@ -114,13 +115,14 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
 
     def on_step(step: Step, study: Study) -> None:
         """Keeps the model of a step, and reports it to the page."""
-        nonlocal packed
+        nonlocal packed, taken
         errors.append(in_mm(step.held_out_rms))
         coming.clear()
         if step.added:
-            kept = task.kept / tasks.kept_name(next(numbers))
+            kept, taken = task.kept / tasks.kept_name(task.number + taken), taken + 1
             study.save(kept)
-            packed = _send_step(replace(task.files, model=kept), send, packed)
+            command = task.files.command("auto", "-o", kept, "--max-effects", str(taken), "--no-nested")
+            packed = _send_step(replace(task.files, model=kept), send, command, packed)
 
     def on_progress(what: str, done: int, of: int) -> None:
         """Says which round it is, and how far the last one brought the error."""
@@ -138,11 +140,11 @@ def propose(task: tasks.ProposeTask, send: tasks.Send) -> None:
     found = _study(task.files, send).propose()
     words = blocks_html(proposal_document(found).blocks)
     if found.best is None:
-        send(tasks.LawResult(words))
+        send(tasks.LawResult(words, task.files.command("propose")))
         return
     write_text(task.kept, found.best.source)
-    law = found.best.law
-    send(tasks.LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}"))
+    law, command = found.best.law, task.files.command("propose", "-o", task.kept)
+    send(tasks.LawResult(words, command, task.kept, f"{law_id(law)}@joint{law.joint + 1}"))
 
 
 @run_task.register
@@ -160,14 +162,27 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
         return
     write_text(task.kept, found.table)
     files: tuple[str | Path, ...] = ("--model", task.files.model, "--have", task.files.data, "-o", task.kept)
-    command = ("design", *found.arguments, *files)
+    command = tasks.DoneCommand(("design", *found.arguments, *files), task.files.effects_file)
     words, arms = blocks_html(found.document.blocks), json.dumps(rounded(found.arms * 1e3, 0))
     send(tasks.PosesResult(name, words, found.table, command=command, sentence=found.sentence, arms=arms))
 
 
-def step_found(files: tasks.OpenFiles, found: ModelReport) -> tasks.StepResult:
-    """Result of a step, for the page."""
-    return tasks.StepResult(files, step_shown(found), pickle.dumps(found))
+def step_found(
+    files: tasks.OpenFiles, found: ModelReport, command: tasks.DoneCommand | None = None
+) -> tasks.StepResult:
+    """Result of a step: title, verdict, figures and tables of its report, for the page."""
+    file = found.file
+    shown = tasks.StepView(
+        title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
+        data_sha256=found.poses.sha256,
+        diagnosed=found.diagnosis is not None,
+        complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
+        values=values_text(figure_values(found)),
+        numbers=numbers_html(found),
+        model=model_text(file),
+        before=model_text(undo_step(file)) if len(file.history) > 1 else None,
+    )
+    return tasks.StepResult(files, shown, pickle.dumps(found), command)
 
 
 def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:
@@ -175,14 +190,14 @@ def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:
     return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send), read=_read)
 
 
-def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None) -> Measurements:
+def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None, part: Part) -> Measurements:
     """Measurements, read anew only where files or reading have changed. Raises `FileError`, `Misread`."""
     beside = path.with_suffix(".toml")
     hashes = (sha256_of(one) if one.is_file() else "" for one in (path, beside))
-    content = f"{path} {' '.join(hashes)} {arm_name} {reading!r} {usual!r}"
+    content = f"{path} {' '.join(hashes)} {arm_name} {reading!r} {usual!r} {part!r}"
     known_arm, data = _READ.get(content, (None, None))
     if data is None or known_arm != arm:
-        data = read_measurements(path, arm, arm_name, reading, usual)
+        data = read_measurements(path, arm, arm_name, reading, usual, part)
         _READ.clear()
         _READ[content] = arm, data
     return data
@@ -193,12 +208,14 @@ def _tell(notices: Iterable[str], send: tasks.Send) -> None:
         send(tasks.WorkNotice(words))
 
 
-def _send_step(files: tasks.OpenFiles, send: tasks.Send, before: bytes | None = None) -> bytes:
+def _send_step(
+    files: tasks.OpenFiles, send: tasks.Send, command: tasks.DoneCommand | None = None, before: bytes | None = None
+) -> bytes:
     """Sends the step of files; gives all that is known of it, packed. `before`: the same of the step before."""
     study = _study(files, send)
     _tell(study.notices, send)
     found = quick_report(study)
-    step = step_found(files, found if before is None else after_step(found, tasks.unpacked(before)))
+    step = step_found(files, found if before is None else after_step(found, tasks.unpacked(before)), command)
     send(step)
     return step.packed
 
@@ -215,18 +232,3 @@ def _screened(files: tasks.OpenFiles, study: Study) -> Diagnosis:
         _LAST.clear()
         _LAST[content] = found
     return _LAST[content]
-
-
-def step_shown(found: ModelReport) -> tasks.StepView:
-    """Title, verdict, figures and tables of a report."""
-    file = found.file
-    return tasks.StepView(
-        title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
-        data_sha256=found.poses.sha256,
-        diagnosed=found.diagnosis is not None,
-        complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
-        values=values_text(figure_values(found)),
-        numbers=numbers_html(found),
-        model=model_text(file),
-        before=model_text(undo_step(file)) if len(file.history) > 1 else None,
-    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,8 @@ from lrm_ident.workbench.work.tasks import OpenFiles, OpenTask
 from lrm_math.errors import FileError
 from lrm_math.toml_file import schema_of
 
-LOOK_S = 0.5
 
-
-@dataclass
+@dataclass(frozen=True)
 class OpenedData:
     """A data file that is open.
 
@@ -27,24 +24,14 @@ class OpenedData:
     path: Path
     sha256: str
     copy: Path | None
-    _seen: tuple[int, int] | None = None
-    _looked: float = 0.0
-    _differs: bool = False
 
-    def changed(self, now: bool = False) -> bool:
-        """Whether the file is no longer what was read, or is gone. Looks twice a second; `now`: at once."""
-        clock = time.monotonic()
-        if not now and clock - self._looked < LOOK_S:
-            return self._differs
-        self._looked = clock
+    @property
+    def changed(self) -> bool:
+        """Whether the file is no longer what was read, or is gone."""
         try:
-            stat = self.path.stat()
-            seen = stat.st_mtime_ns, stat.st_size
-            if seen != self._seen:
-                self._seen, self._differs = seen, _sha256(self.path) != self.sha256
+            return _sha256(self.path) != self.sha256
         except OSError:
-            self._seen, self._differs = None, True
-        return self._differs
+            return True
 
 
 def keep_opened(path: Path, sha256: str, folder: Path) -> OpenedData:
@@ -73,14 +60,9 @@ class FollowedFile:
     source: Path
     copy: Path
     size: int = -1
-    looked: float = 0.0
 
     def grown(self) -> bool:
         """Whether it has changed; then the copy is new. Raises `FileError` if it is gone."""
-        now = time.monotonic()
-        if now - self.looked < LOOK_S:
-            return False
-        self.looked = now
         try:
             content = self.source.read_bytes()
         except OSError as error:

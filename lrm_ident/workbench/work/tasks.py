@@ -6,6 +6,7 @@ The page's process is up in a moment for that; `run_task.py` does the work.
 from __future__ import annotations
 
 import pickle
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -58,6 +59,30 @@ class OpenFiles:
     effects_file: Path | None = None
     reading: Reading = field(default=AS_NAMED)
 
+    def command(self, name: str, *words: str | Path) -> DoneCommand:
+        """A command on model and data."""
+        return DoneCommand((name, self.model, self.data, *words), self.effects_file, self.reading)
+
+
+@dataclass(frozen=True)
+class DoneCommand:
+    """A command: its words, and the options of reading and effects that all of them share."""
+
+    words: tuple[str | Path, ...]
+    effects_file: Path | None = None
+    reading: Reading | None = None
+
+    @property
+    def text(self) -> str:
+        """Text for a shell."""
+        words = ["lrm-ident", *map(str, self.words)]
+        if self.effects_file is not None:
+            words += ["--effects-file", str(self.effects_file)]
+        for name, value in ({} if self.reading is None else self.reading.said()).items():
+            text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
+            words.append(f"--{name.replace('_', '-')}={text}")
+        return shlex.join(words)
+
 
 @dataclass(frozen=True)
 class StepView:
@@ -82,11 +107,13 @@ class StepView:
 
 @dataclass(frozen=True)
 class StepResult:
-    """A step: the files with its model, what is shown of it, and all that is known of it so far, packed."""
+    """A step: the files with its model, what is shown of it, and all that is known of it so far, packed; the `command`
+    that took it, None where more is known of one that was taken."""
 
     files: OpenFiles
     shown: StepView
     packed: bytes
+    command: DoneCommand | None = None
 
     @cached_property
     def report(self) -> ModelReport:
@@ -96,23 +123,24 @@ class StepResult:
 
 @dataclass(frozen=True)
 class LawResult:
-    """A proposed law: what `propose` prints, as HTML; its file and name, if a law is proposed."""
+    """A proposed law: what `propose` prints, as HTML, and the `command`; its file and name, if a law is proposed."""
 
     words: str
+    command: DoneCommand
     file: Path | None = None
     name: str = ""
 
 
 @dataclass(frozen=True)
 class PosesResult:
-    """The next poses to measure: what they will tell, what `design` prints, as HTML, or the `problem`; `command`: the
-    words that do it; `arms`: JSON of the arm's frames at every pose (mm)."""
+    """The next poses to measure: what they will tell, what `design` prints, as HTML, or the `problem`; the `command`;
+    `arms`: JSON of the arm's frames at every pose (mm)."""
 
     data: str
     words: str = ""
     table: str = ""
     problem: str = ""
-    command: tuple[str | Path, ...] = ()
+    command: DoneCommand | None = None
     sentence: str = ""
     arms: str = "[]"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lrm_ident.data.registration.reading_check import nominal_tcp
+from lrm_ident.data.registration.point_set import nominal_tcp
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of

@@ -133,6 +133,28 @@ def test_other_orders_of_the_rows_are_said(lab: Arm, tmp_path: Path) -> None:
     assert any("t_s runs backwards" in words for words in data.notices)
 
 
+def test_times_that_are_rather_milliseconds_are_said(lab: Arm, tmp_path: Path) -> None:
+    names, rows = EXAMPLE.read_text().splitlines()[0].split(","), rows_of(30)
+    slow = [[row[0], str(1000 * int(row[1])), *row[2:]] for row in rows]
+    said = load_measurements(example(tmp_path, slow), lab)
+    assert any("4.17 h or more apart; if t_s is in milliseconds: rename it t_ms" in words for words in said.notices)
+    renamed = load_measurements(example(tmp_path, slow, [name.replace("t_s", "t_ms") for name in names]), lab)
+    as_it_is = load_measurements(example(tmp_path, rows), lab)
+    assert not any("apart" in words for words in (*renamed.notices, *as_it_is.notices))
+    assert renamed.poses.t is not None
+    np.testing.assert_allclose(renamed.poses.t, as_it_is.poses.t)
+
+
+def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp_path: Path) -> None:
+    rows, at = rows_of(40), EXAMPLE.read_text().splitlines()[0].split(",").index("session")
+    second = [[str(number), *row[1:at], "2", *row[at + 1 :]] for number, row in enumerate(rows[20:], start=1)]
+    data = load_measurements(example(tmp_path, [*rows[:20], *second]), lab)
+    np.testing.assert_array_equal(data.pose, np.arange(1, 41))
+    assert any("each session has its own pose numbers" in words for words in data.notices)
+    with pytest.raises(FileError, match="pose 5 stands in line 6 already"):
+        load_measurements(example(tmp_path, [*rows[:20], rows[4], *second]), lab)
+
+
 def test_a_repetition_elsewhere_is_said(lab: Arm, tmp_path: Path) -> None:
     names = [*EXAMPLE.read_text().splitlines()[0].split(","), "repeat_of"]
     rows = [[*row, "1" if row[0] == "9" else ""] for row in rows_of(20)]

@@ -65,6 +65,8 @@ SAME: dict[str, bytes] = {
     "from zero": text(["index", *(f"joint_{i}" for i in range(6)), "pos_x", "pos_y", "pos_z"]).encode(),
     "metres": text([*NAMES[:7], "x_m", "y_m", "z_m"], rows=scaled(1e-3, 1.0)).encode(),
     "radians": text(["", *(f"q{i} (rad)" for i in range(1, 7)), *NAMES[7:]], rows=scaled(1, np.pi / 180)).encode(),
+    "minus signs of a word processor": text(NAMES).replace(",-", ",\u2212").encode(),
+    "en dashes, spaces, lines of an old Mac": text(NAMES, "; ").replace("-", "\u2013").replace("\n", "\r").encode(),
     "no pose numbers": text(NAMES[1:], rows=[row[1:] for row in ROWS]).encode(),
 }  # fmt: skip
 

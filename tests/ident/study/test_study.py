@@ -110,9 +110,9 @@ def test_auto_ends_alike_and_every_step_can_be_taken_back(folder: Path) -> None:
     run, end = study.auto(max_effects=1)
     end.save(folder / "end-in-python.toml")
     assert content(folder / "end-in-python.toml") == content(folder / "end.toml")
-    assert [str(entry.name) for entry in end.file.history] == ["fit", f"add {run.steps[-1].added}"]
+    assert [str(entry.name) for entry in end.file.history] == ["fit", "without outliers", f"add {run.steps[-1].added}"]
     read = lrm.read_study(folder / "end.toml", folder / "data.csv", folder / "mine.py")
-    for _ in run.steps[1:]:
+    for _ in run.steps:
         read, end = read.undo(), end.undo()
         assert read.model.keys == end.model.keys
         assert read.model.values.tolist() == end.model.values.tolist()
@@ -122,6 +122,25 @@ def test_auto_ends_alike_and_every_step_can_be_taken_back(folder: Path) -> None:
     assert content(folder / "back.toml") == content(folder / "begun.toml")
     with pytest.raises(LrmError, match="nothing to undo"):
         read.undo()
+
+
+@pytest.mark.slow
+def test_auto_leaves_outliers_out_of_its_model_where_it_adds_nothing(folder: Path) -> None:
+    """Before: the model that it wrote was the one with them, beside the error of the one without."""
+    study = begun(folder).fit()
+    study.save(folder / "with.toml")
+    words = ("auto", folder / "with.toml", folder / "data.csv", "--no-nested", "--max-effects", "0")
+    stdout = stdout_of(*words, "--effects-file", folder / "mine.py", "-o", folder / "without.toml")
+    end = lrm.read_study(folder / "without.toml", folder / "data.csv", folder / "mine.py")
+    known = end.file.provenance
+    assert known is not None
+    assert WRONG in known.left_out
+    before, after = end.file.history
+    assert (before.held_out_rms_mm or 0.0) > 1.1 * (after.held_out_rms_mm or 0.0) > 0.0
+    assert f"without outliers {after.held_out_rms_mm:.2f} mm" in stdout
+    right = begun(folder).data.without(known.left_out)
+    refitted = lrm.Study.of(right, catalogue=lrm.catalogue_with(folder / "mine.py")).fit()
+    assert after.fit_rms_mm == pytest.approx(refitted.file.history[0].fit_rms_mm, rel=1e-4)
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     press(page, "next poses")
     page.wait_for_selector("#lrm-next-poses")
     assert "poses will show whether it is backlash in joint 2 or " in page.inner_text("#lrm-next-poses .lrm-verdict")
-    wait_for(page, "document.querySelectorAll('#lrm-next-arms polyline').length === 2 * 55")
+    wait_for(page, "lrm.scenes['next-arms']?.content.arms.length === 55")
     unfold(page)
     words = page.inner_text("#lrm-next-poses")
     assert "Cosine between the motions of backlash in joint 2 and " in words

@@ -9,15 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.workbench.session_state import TakenSteps, with_step, with_undone, without_last
-from lrm_ident.workbench.work.tasks import AddTask, AutoTask, OpenFiles, OpenTask, StepResult, StepView
+from lrm_ident.workbench.work.tasks import AddTask, AutoTask, DoneCommand, OpenFiles, OpenTask, StepResult, StepView
 
 DATA = Path("data.csv")
 
 
-def step(number: int, before: str | None) -> StepResult:
+def step(number: int, before: str | None, words: str = "add") -> StepResult:
     """A step whose model is its number."""
     view = StepView("", "hash", True, "{}", "", str(number), before)
-    return StepResult(OpenFiles(Path(f"step-{number}.toml"), DATA), view, b"")
+    command = DoneCommand((*words.split(), str(before)))
+    return StepResult(OpenFiles(Path(f"step-{number}.toml"), DATA), view, b"", command)
 
 
 @given(st.lists(st.sampled_from(["add", "undo", "redo"]), max_size=30))
@@ -42,13 +43,11 @@ def test_undo_and_redo_are_each_others_inverse(deeds: list[str]) -> None:
 
 
 def test_auto_is_one_command_however_its_files_are_called() -> None:
-    taken = with_step(TakenSteps(), OpenTask(DATA, None), step(0, None))
+    taken = replace(with_step(TakenSteps(), OpenTask(DATA, None), step(0, None, "fit")), count=7)
     assert taken.last is not None
     task = AutoTask(taken.last.files, b"", Path(), 7)
     for number in (1, 2, 3):
-        new = step(number, str(number - 1))
-        named = replace(new, files=replace(new.files, model=Path(f"{'abc'[number - 1]}.toml")))
-        taken = with_step(taken, task, named)
+        taken = with_step(taken, task, step(number, str(number - 1), "auto m.toml data.csv -o"))
     assert [command.words[0] for command in taken.done] == ["fit", "auto"]
-    assert taken.done[-1].words[4:] == (Path("c.toml"), "--max-effects", "3", "--no-nested")
+    assert taken.done[-1].words[-1] == "2"
     assert taken.count == 10

@@ -106,9 +106,25 @@ def test_limits_hold() -> None:
 
 def test_a_swing_ends_where_it_would_be_without_one() -> None:
     servo = (ServoResponse, (4.0, 0.9))
-    swung = moved(step(0.3), servo, (Swing, (5.0, 0.2)))
+    swung = moved(step(0.3), servo, (Swing, (5.0, 0.2, 0.0)))
     assert swung.max() > 0.302
     assert swung[-1] == pytest.approx(moved(step(0.3), servo)[-1], abs=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.4, 3.0])
+def test_what_swings_pushes_its_servo_back_as_two_masses_in_small_steps_do(share: float) -> None:
+    """Oracle: both masses by the symplectic Euler rule, in steps of a sixtieth."""
+    omega, braking, own, damping = 2.0 * np.pi * 4.0, 2.0 * 0.7 * 2.0 * np.pi * 4.0, 2.0 * np.pi * 5.0, 0.05
+    q, v, y, w, expected, h = 0.0, 0.0, 0.0, 0.0, [0.0], H / 60
+    for told in step(0.5):
+        for _ in range(60):
+            pull = own**2 * (y - q) + 2.0 * damping * own * (w - v)
+            v += h * (omega**2 * (told - q) - braking * v + share * pull)
+            w -= h * pull
+            q, y = q + h * v, y + h * w
+        expected.append(y)
+    found = moved(step(0.5), (ServoResponse, (4.0, 0.7)), (Swing, (5.0, 0.05, share)))
+    np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
 @pytest.mark.parametrize("kind", MOTION_EFFECTS, ids=lambda kind: kind.id)
@@ -163,7 +179,7 @@ FROM_COARSE = {
     "saturated drive": (DriveLimit, (0.06,), 0.1),
     "profile": (AccelerationLimit, (9.0,), 0.02),
     "friction that falls with speed": (StribeckFriction, (0.02, 0.2), 0.15),
-    "swing": (Swing, (4.5, 0.1), 0.05),
+    "swing": (Swing, (4.5, 0.1, 0.3), 0.001),
 }
 """Effect, values, and how far (deg) steps of 8 ms may be from sixteenths of them at worst, of moves of 60°."""
 

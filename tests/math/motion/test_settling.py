@@ -25,7 +25,7 @@ def arm(frequency: float, damping: float) -> MotionModel:
 def swinging() -> MotionModel:
     """Damped servos, and a base joint whose link swings for long."""
     soft, swing = arm(4.0, 0.7), effect_of(ARM, "swing@joint1")
-    values = {key: {"frequency_Hz": 3.0, "damping_ratio": 0.02}[key.split(".")[-1]] for key in swing.keys}
+    values = dict(zip(swing.keys, (3.0, 0.02, 0.0), strict=True))
     return soft.with_joint((*soft.of_joint(0), swing), {**values, **soft.values}, {})
 
 

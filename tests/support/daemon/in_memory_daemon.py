@@ -25,7 +25,7 @@ CYCLE = 3
 def config_at(pwm_hz: float, folder: Path, shaping: str = "off") -> Config:
     """The shipped configuration with another PWM frequency and shaping: at 330 Hz a count is shorter than a step."""
     text = CONFIG.read_text(encoding="utf-8").replace("pwm_hz = 50.0", f"pwm_hz = {pwm_hz}")
-    text = text.replace('shaping = "timed"  ', f'shaping = "{shaping}"  ')
+    text += f'\n[motion]\nshaping = "{shaping}"\n'
     path = folder / "lrmd.toml"
     path.write_text(text, encoding="utf-8")
     return load_config(path)

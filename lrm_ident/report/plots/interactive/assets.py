@@ -23,7 +23,7 @@ TOLD, BESIDE, BELOW = (FOLDER / "page" / "panels.html").read_text(encoding="utf-
 NAMES = (
     "charts/chart", "page/glossary", "page/sketches", "scene/pen", "scene/axes", "scene/arrows", "scene/solids",
     "scene/scene", "page/brush", "charts/candidates", "page/story", "page/steps", "scene/field", "page/pose",
-    "scene/picture", "charts/turn", "page/controls", "page/figures",
+    "charts/turn", "page/controls", "page/figures",
 )  # fmt: skip
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""

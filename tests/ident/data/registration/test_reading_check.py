@@ -29,7 +29,8 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
-from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp, registered
+from lrm_ident.data.registration.point_set import nominal_tcp, registered
+from lrm_ident.data.registration.reading_check import check_reading
 from lrm_ident.data.registration.similarity import robust_similarity, similarity
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.registration import reading_check
-from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading
+from lrm_ident.data.registration.point_set import Scored
+from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
 from lrm_math.arm.arm import Arm
 
 Patch = pytest.MonkeyPatch
@@ -50,7 +51,7 @@ def found(lab: Arm, patch: Patch, read: Scored, *others: Scored) -> list[str]:
     patch.setattr(reading_check.PointSet, "scored", lambda *_: read)
     patch.setattr(reading_check, "_hung_otherwise", lambda *_: ())
     patch.setattr(reading_check, "_alternatives", lambda _: iter(others))
-    for name in ("_other_arms", "_unrelated_columns"):
+    for name in ("_other_arms", "_unrelated_columns", "_shifted_rows"):
         patch.setattr(reading_check, name, nothing)
     checked = check_reading(lab, data)
     assert checked is not None

@@ -1,8 +1,9 @@
 // Which poses are shown: all, or where these are too many a fair sample, or that and all of the worst; and which are marked
-// in every figure: by a box around them, by a click, by why they are worth a look.
+// in every figure: by a box around them, by a click, by why they are worth a look. In the scene those that pass a filter.
 "use strict";
 function lrmBrush(page) {
-  const { state, place } = page;
+  const { state, place, options } = page;
+  let open = null;
 
   // Rows of the sample, in measured order.
   function sample() {
@@ -28,6 +29,50 @@ function lrmBrush(page) {
   function tellSample() {
     const line = says(points().length);
     for (const box of document.querySelectorAll(".lrm-sample")) box.textContent = line;
+  }
+
+  // What the scene may be filtered by: a key, its words, its value at a row.
+  function kinds() {
+    const v = state.values, error = (row) => page.norm(v.steps[state.step].residual[row]);
+    const joints = v.q[0].map((_, i) => [`q${i}`, `joint ${i + 1}, deg`, (row) => v.q[row][i]]);
+    const others = [["load", "load, g"], ["pose", "pose number"], ...(v.session ? [["session", "session"]] : [])];
+    return [["", "all poses", () => 0], ["error", "error, mm", error], ...joints,
+      ...others.map(([key, said]) => [key, said, (row) => v[key][row]])];
+  }
+  const chosen = () => kinds().find(([key]) => key === place("filter").value);
+
+  // The rows that the scene draws, or null where all are: those of the fair sample that pass the filter.
+  function rows() {
+    const [by, , of] = chosen() || [""], [low, high] = ["low", "high"].map((end) => place("filter-" + end).value);
+    if (!by && (!state.values.fair || state.worst)) return null;
+    return new Set(sample().filter((row) => !by || ((low === "" || of(row) >= low) && (high === "" || of(row) <= high))));
+  }
+
+  function tellRows() {
+    place("picture-says").textContent = says(rows()?.size ?? state.values.pose.length);
+  }
+
+  // Another quantity to filter by: from its least value to its greatest.
+  function filterBy() {
+    const [key, , of] = chosen(), all = state.values.pose.map((_, row) => of(row));
+    place("filter-low").value = key ? Math.floor(100 * Math.min(...all)) / 100 : "";
+    place("filter-high").value = key ? Math.ceil(100 * Math.max(...all)) / 100 : "";
+    place("filter-range").hidden = !key;
+  }
+
+  // The controls of the scene follow the values and the pose that are shown.
+  function follow() {
+    const v = state.values, of = `${v.data} ${v.pose.length}`;
+    if (open !== of) {
+      open = of;
+      options("filter", kinds(), "");
+      place("filter-range").hidden = true;
+      place("scrub").max = v.pose.length - 1;
+    }
+    place("worst").hidden = !v.fair;
+    place("worst").setAttribute("aria-pressed", state.worst);
+    place("scrub").value = Math.max(v.pose.indexOf(state.pose), 0);
+    tellRows();
   }
 
   function brush(poses) {
@@ -61,5 +106,5 @@ function lrmBrush(page) {
     figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
   }
 
-  return { sample, points, says, tellSample, brush, toggle, marked, poseOf, wireScatter };
+  return { sample, points, tellSample, rows, tellRows, filterBy, follow, brush, toggle, marked, poseOf, wireScatter };
 }

@@ -14,6 +14,8 @@ function lrmControls(page) {
       .map((why) => [why, `mark the ${why}`])], "");
   }
 
+  const VIEWS = { top: () => [-90, 90], side: () => [-90, 0], tool: page.tool, oblique: () => null };
+
   function wireControls() {
     const on = (id, action) => { place(id).onchange = (event) => action(event.target.value); };
     on("joint", (value) => { state.joint = Number(value); page.drawTurn(); });
@@ -26,7 +28,15 @@ function lrmControls(page) {
     on("marked", (value) => page.brush(value ? new Set(state.values.marked[value]) : null));
     on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) page.hover(row); });
     place("clear").onclick = () => page.brush(null);
-    page.wirePicture();
+    const draw = () => { page.tellRows(); page.drawField(); };
+    for (const one of document.querySelectorAll("[data-view]")) one.onclick = () => lrmScene.look(VIEWS[one.dataset.view]());
+    place("scrub").oninput = (event) => page.hover(Number(event.target.value));
+    on("filter", () => { page.filterBy(); draw(); });
+    for (const end of ["low", "high"]) on("filter-" + end, draw);
+    place("worst").onclick = () => {
+      state.worst = !state.worst;
+      draw(); page.drawTurn(); page.drawCandidate(); page.drawCards(); page.tellSample(); page.follow();
+    };
   }
 
   // Tells the page around the figures which effect may be added.

@@ -52,7 +52,7 @@ function lrmPrint(page) {
 const lrm = (() => {
   const PAIR_PX = 600;
   const page = lrmShared(), { state, norm } = page;
-  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
+  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField, lrmPose, lrmTurn,
     lrmControls, lrmPrint]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
 

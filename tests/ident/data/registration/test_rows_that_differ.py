@@ -1,0 +1,93 @@
+"""Files of which some rows differ from the rest: another frame, positions a row off, a number typed wrongly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import lrm_ident as lrm
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.checked import Misread, load_checked
+from lrm_ident.data.registration.moved_frame import moved_frame
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import FileError
+from tests.conftest import EXAMPLE
+from tests.support.commands import stderr_of, stdout_of
+
+ARM = load_arm("lrm-lab")
+
+
+@pytest.fixture(scope="module")
+def measured() -> Measurements:
+    return load_measurements(EXAMPLE, ARM)
+
+
+def typed_wrongly(folder: Path, pose: int, column: int, text: str) -> Path:
+    """The example with another text in one cell, without a file beside it that names the arm."""
+    lines = EXAMPLE.read_text(encoding="utf-8").splitlines()
+    cells = lines[pose].split(",")
+    cells[column] = text
+    lines[pose] = ",".join(cells)
+    path = folder / "typed.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("first", "seed"), [(60, 1), (150, 2), (241, 3)])
+def test_the_pose_from_which_the_frame_was_moved_is_found(measured: Measurements, first: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    turn = Rotation.from_rotvec(np.radians(random.uniform(8.0, 40.0)) * np.array([0.0, 0.6, 0.8])).as_matrix()
+    shift = random.uniform(-0.3, 0.3, 3)
+    tcp = measured.tcp.copy()
+    tcp[first:] = (tcp[first:] - shift) @ turn
+    found = moved_frame(ARM, replace(measured, tcp=tcp))
+    assert found is not None
+    assert found.first == measured.pose[first]
+    assert found.last == measured.pose[-1]
+    assert found.angle == pytest.approx(np.arccos((np.trace(turn) - 1.0) / 2.0), abs=np.radians(1.0))
+    assert found.distance == pytest.approx(np.linalg.norm((measured.tcp[first:] - tcp[first:]).mean(axis=0)), abs=0.005)
+    assert found.score < 0.01
+
+
+def test_a_moved_tracker_is_said_with_a_remedy_that_works(measured: Measurements, tmp_path: Path) -> None:
+    tcp = measured.tcp.copy()
+    tcp[150:] = tcp[150:] @ Rotation.from_euler("z", 20.0, degrees=True).as_matrix().T + [0.3, -0.2, 0.1]
+    path = tmp_path / "moved.csv"
+    path.write_text(measurements_csv(replace(measured, tcp=tcp)), encoding="utf-8")
+    with pytest.raises(Misread, match=r"from pose 151 on .* turned by 20\.\d deg .*--leave-out 151-300 "):
+        load_checked(path, ARM)
+    model = str(tmp_path / "model.toml")
+    fitted = stdout_of("fit", str(path), "--arm", "lrm-lab", "--leave-out", "151-300", "-o", model)
+    assert "150 poses, 45 parameters; 150 poses left out: 151" in fitted
+    assert "backlash@joint2" in stdout_of("diagnose", model, str(path)).splitlines()[0]
+
+
+@pytest.mark.parametrize(("by", "which"), [(1, "after"), (-1, "before")])
+def test_positions_of_the_next_row_are_said(measured: Measurements, tmp_path: Path, by: int, which: str) -> None:
+    path = tmp_path / "shifted.csv"
+    path.write_text(measurements_csv(replace(measured, tcp=np.roll(measured.tcp, -by, axis=0))), encoding="utf-8")
+    with pytest.raises(Misread, match=f"belongs to the joint angles of the row {which}; .*shift the columns"):
+        load_checked(path, ARM)
+
+
+def test_a_row_that_is_left_out_is_not_tested(tmp_path: Path) -> None:
+    path, model = typed_wrongly(tmp_path, 40, 5, "-705.3"), tmp_path / "model.toml"
+    fit = ["fit", str(path), "--arm", "lrm-lab", "--force", "-o", str(model)]
+    assert "line 41, column q2_deg: -705.3 deg is beyond the limits of joint 2" in stderr_of(*fit)
+    assert "line 41, column q2_deg" in stderr_of(*fit, "--leave-out", "41")
+    assert "299 poses, 45 parameters; 1 pose left out: 40" in stdout_of(*fit, "--leave-out", "40")
+    assert "(backlash@joint2)" in stdout_of("diagnose", str(model), str(path)).splitlines()[0]
+    with pytest.raises(FileError, match="line 41, column q2_deg"):
+        lrm.load(path, "lrm-lab")
+    assert 40 not in lrm.load(path, "lrm-lab", leave_out=[40]).pose
+
+
+def test_only_the_pose_that_tore_the_fit_is_proposed_to_be_left_out(tmp_path: Path) -> None:
+    path = typed_wrongly(tmp_path, 40, 10, "2154.0")
+    assert "--leave-out 40;" in stdout_of("fit", str(path), "--arm", "lrm-lab")
