@@ -24,7 +24,7 @@ from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
-from lrm_math.model.deployed_model import as_deployed_at
+from lrm_math.model.deployed_model import as_deployed_when_read
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
@@ -81,6 +81,6 @@ def _predict(
 ) -> _Fold:
     """The fold of an `auto` that does not see the poses `out`."""
     run, unseen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates), data.take(out)
-    deployed = as_deployed_at(run.model, unseen.poses)
+    deployed = as_deployed_when_read(run.model, unseen.poses)
     errors = [unseen.position_error(solve_equilibrium(m, unseen.poses)) for m in (run.model, deployed)]
     return _Fold(run.model, errors[0], errors[1], tuple(step.added for step in run.steps[1:]))

@@ -29,7 +29,7 @@ from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed, as_deployed_at, field_of, named_part
+from lrm_math.model.deployed_model import as_deployed_when_read, field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
@@ -232,10 +232,10 @@ def _deployed_residuals(part: Measurements, equilibrium: Equilibrium) -> tuple[A
     if state is None:
         return None, None
     model, poses = equilibrium.model.with_state(state), part.poses
-    deployed = part.position_error(solve_equilibrium(as_deployed_at(model, poses), poses))
+    deployed = part.position_error(solve_equilibrium(as_deployed_when_read(model, poses), poses))
     if not (state.warming or state.memory):
         return deployed, None
-    return deployed, part.position_error(solve_equilibrium(as_deployed(model), poses))
+    return deployed, part.position_error(solve_equilibrium(as_deployed_when_read(model), poses))
 
 
 def _refitted(

@@ -62,6 +62,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "memory.creep.Creep",
         "memory.self_heating.SelfHeating",
         "memory.slip.Slip",
+        "memory.unsettled.Unsettled",
         "servo_errors.TransmissionRipple",
         # other forms, from plain to rich
         "compliance.BendingEnds",

@@ -11,11 +11,12 @@ import numpy as np
 
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
-from lrm_math.effects import Effect, effect_of, effects_at
+from lrm_math.effects import Effect, ModelPart, effect_of, effects_at
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.forces import Gravity
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
+from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.lasting_parts import lasting_parts
@@ -54,6 +55,19 @@ def as_deployed_with(model: Model, names: Collection[str]) -> Model:
         return as_deployed(model)
     kept = _part(model, [effect for effect in model.effects if effect.name in names or not of_a_session(effect)])
     return with_offsets(with_offsets(replace(kept, state=None), model.state.offsets), _taken_out(model.state, names))
+
+
+def as_deployed_when_read(model: Model, poses: Poses | None = None) -> Model:
+    """The model as deployed, at the moment of each reading of its own measurement: joints that had not come to rest are
+    still on their way. Readings are compared with it. `poses`: those that `as_deployed_at` follows; None: none."""
+    followed = () if poses is None else followed_effects(model, poses)
+    return as_deployed_with(model, [*followed, *on_the_way(model)])
+
+
+def on_the_way(model: Model) -> list[str]:
+    """Names of effects by which a measurement saw the arm elsewhere than where it comes to rest."""
+    seen = (effect for effect in model.effects if effect.part is ModelPart.MEASUREMENT)
+    return [effect.name for effect in seen if of_a_session(effect) and kind_of(effect) is Kind.MOTION]
 
 
 def since_power_on(poses: Poses) -> bool:

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arm.arm import BASE
-from lrm_math.effects import Effect
+from lrm_math.effects import Effect, ModelPart
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.targets import Kind, kind_of
@@ -43,8 +43,12 @@ def usually_carried(effect: Effect) -> CarriedState:
 
 
 def passing_effects(model: Model) -> tuple[Effect, ...]:
-    """Effects that no rover can compensate and that move the arm or its base: their state goes along."""
-    return tuple(effect for effect in model.effects if of_a_session(effect) and kind_of(effect) is Kind.MOTION)
+    """Effects that no rover can compensate and that move the arm or its base: their state goes along.
+
+    Not those of the measurement: the arm that it saw was not at rest.
+    """
+    passing = (effect for effect in model.effects if of_a_session(effect) and kind_of(effect) is Kind.MOTION)
+    return tuple(effect for effect in passing if effect.part is not ModelPart.MEASUREMENT)
 
 
 def state_after_session(

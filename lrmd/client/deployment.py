@@ -16,7 +16,7 @@ from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.history import history_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance, implausible_estimates
-from lrm_math.model.deployed_model import FIT_STATE, as_deployed, as_deployed_at, unknown_state
+from lrm_math.model.deployed_model import FIT_STATE, as_deployed, as_deployed_when_read, unknown_state
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, arm_of, covariance_of, to_model
@@ -125,7 +125,7 @@ def left_out_differences(model: Model) -> tuple[float, float]:
         apart = 0.0 if deployed is model else whole - solve_equilibrium(deployed, poses).tcp
         return float(np.sqrt(3.0 * np.mean(np.square(apart))))
 
-    return difference(as_deployed_at(model, poses)), difference(as_deployed(model))
+    return difference(as_deployed_when_read(model, poses)), difference(as_deployed_when_read(model))
 
 
 def _standard_error(model: Model, known: Covariance | None) -> float | None:

@@ -17,6 +17,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
+from lrm_math.motion.modes import POSTURES
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from lrmd.config import Config
 from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
@@ -37,11 +38,11 @@ SERVO_HZ, SERVO_RATIO = 14.0, 1.32
 """Second-order response like the simulated servos' exponential approach with 0.03 s."""
 FRAME_TICKS, NOISE_M = 2, 0.0003
 """Ticks between frames of the tracker, 13 ms, and standard deviation of a frame per axis."""
-RENEW_TICKS, POSTURES = 15, 500
+RENEW_TICKS = 15
 
 
 def known_model(arm: Arm) -> MotionModel:
-    """A motion model that knows the springs."""
+    """A motion model that knows the springs: their frequencies are right at the mean of the postures that it counts."""
     chain, rng = chain_of(arm), np.random.default_rng(0)
     lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
     M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)

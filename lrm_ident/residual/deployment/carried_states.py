@@ -17,7 +17,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed, since_power_on
+from lrm_math.model.deployed_model import as_deployed_when_read, since_power_on
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import CarriedState
@@ -85,7 +85,7 @@ def _predicting_better(
 
 def _squares(earlier: Equilibrium, after: Measurements, carried: Mapping[str, CarriedState]) -> Array:
     """(n,), squared errors (m²) at later poses of a fit as deployed with these states carried forward."""
-    deployed = as_deployed(earlier.model.with_state(state_after_session(earlier, carried)))
+    deployed = as_deployed_when_read(earlier.model.with_state(state_after_session(earlier, carried)))
     return np.asarray((after.position_error(solve_equilibrium(deployed, after.poses)) ** 2).sum(axis=1))
 
 

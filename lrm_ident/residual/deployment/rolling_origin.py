@@ -16,7 +16,7 @@ from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.deployment.carried_states import FEWEST, with_carried_states
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.model.deployed_model import as_deployed_with, followed_effects
+from lrm_math.model.deployed_model import as_deployed_with, followed_effects, on_the_way
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.state_after_session import state_of_arm
@@ -52,7 +52,7 @@ def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
     Raises `LrmError`: a fit does not converge.
     """
     rows, known, unknown = np.arange(len(data)), list[Array](), list[Array]()
-    trackers = [bound.effect.name for bound in fitted.model.binding.distorting]
+    trackers = [*on_the_way(fitted.model), *(bound.effect.name for bound in fitted.model.binding.distorting)]
     for begin, end in pairwise(_edges(data)):
         before, later = data.take(rows[:begin]), data.take(rows[begin:end])
         earlier = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before)

@@ -357,6 +357,7 @@ WITHOUT_TWIN = {
     "creep": "its twins are in hidden_effects/memory.py; tests/ident/diagnosis/test_memory.py",
     "self_heating": "its twin HeatedServo is in validation/hidden_effects/memory.py",
     "slip": "its twin SlippingHorn is in validation/hidden_effects/memory.py",
+    "unsettled": "its twin is in tests/ident/diagnosis/test_read_too_early.py",
 }
 
 
