@@ -156,22 +156,18 @@ class SwingingRover:
     # ---- parts of a campaign
 
     def go(self, pose: PlannedPose) -> ArmState:
-        """See `CampaignArm`."""
         _, leg = self.move(np.array(pose.q))
         self.settle_s = self.known.settle_s(leg)
         self.pass_ticks(4)
         return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
 
     def commanded(self) -> tuple[float, ...]:
-        """See `CampaignArm`."""
         return tuple(self.daemon.core.angles(self.daemon.ramp.position)[: self.arm.dof])
 
     def disturbed(self) -> str:
-        """See `CampaignArm`."""
         return ""
 
     def too_warm(self) -> str:
-        """See `CampaignArm`."""
         return ""
 
     def cool(self, rest: PlannedPose) -> None:
@@ -181,7 +177,6 @@ class SwingingRover:
         """See `CampaignArm`."""
 
     def frames(self, seconds: float) -> list[TrackerFrame]:
-        """See `Tracker`."""
         out = []
         for tip in self.tips(round(seconds / self.tick_s))[::FRAME_TICKS]:
             self.number += 1
@@ -190,11 +185,9 @@ class SwingingRover:
         return out
 
     def now(self) -> float:
-        """See `Clock`."""
         return self.daemon.now * 1e-9
 
     def sleep(self, seconds: float) -> None:
-        """See `Clock`."""
         self.pass_ticks(max(0, round(seconds / self.tick_s)))
 
 
