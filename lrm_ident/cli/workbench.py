@@ -12,7 +12,6 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.workbench.address import WorkbenchAddress, last_session, new_place
-from lrm_ident.workbench.motion_tab import MotionTab
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.tasks import OpenTask
 from lrm_ident.workbench.work.worker import work_process
@@ -49,14 +48,14 @@ def workbench(
     model, data = _model_and_data(files or [])
     place = new_place(port)
     task = OpenTask(data or EXAMPLE, model, arm, effects_file, reading)
-    _serve(place, task, None if motion is None else MotionTab(*motion), tour=data is None, show=show_page)
+    _serve(place, task, motion, tour=data is None, show=show_page)
 
 
-def _serve(place: WorkbenchAddress, opened: OpenTask, motion: MotionTab | None, tour: bool, show: bool) -> None:
+def _serve(place: WorkbenchAddress, opened: OpenTask, motion: tuple[Path, Path] | None, tour: bool, show: bool) -> None:
     """Runs the workbench until it is stopped. Raises `LrmError` if NiceGUI is not installed.
 
     Args:
-        motion: what the page's tab of motion shows.
+        motion: model and recording that the page's tab of motion shows.
         tour: whether the first tab begins with the guided tour. show: whether the browser is opened.
     """
     worker = work_process()

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lrm_ident.data.last_error import last_error
-from lrm_ident.data.table_text.csv_file import read_table
+from lrm_ident.data.table_text.csv_file import is_number, read_table
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.errors import LrmError
 from lrm_math.ik.kernel.shared_library import kernel
@@ -69,7 +69,7 @@ def file_head(path: Path) -> Iterator[str]:
     yield from (f"  {words}" for words in table.notices)
     yield f"  {len(table.rows)} rows, names in line {table.header_line}"
     for column, cells in zip(table.columns, zip(*table.rows, strict=True), strict=True):
-        name = "(a number in place of a name)" if _is_number(column.stated) else column.stated
+        name = "(a number in place of a name)" if is_number(column.stated) else column.stated
         yield f"  {name}: {_kinds(cells)}"
 
 
@@ -109,13 +109,5 @@ def _names(values: Any, above: str = "") -> Iterator[str]:
 
 
 def _kinds(cells: Iterable[str]) -> str:
-    counted = Counter("empty" if not cell.strip() else "numbers" if _is_number(cell) else "text" for cell in cells)
+    counted = Counter("empty" if not cell.strip() else "numbers" if is_number(cell) else "text" for cell in cells)
     return ", ".join(f"{count} {kind}" for kind, count in sorted(counted.items(), key=lambda one: -one[1]))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

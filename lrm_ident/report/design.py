@@ -76,7 +76,9 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
-    limitations = _limitations(task, found)
+    limitations: tuple[str, ...] = ()  # poses that add to measured ones are audited with these
+    if task.measured is None and task.prior is None:
+        limitations = audit(found.poses, solve_equilibrium(task.model, found.poses).joint_torque)
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -141,7 +143,7 @@ def _index_table(title: str, chosen: Observability, random: Observability) -> Re
     return ResultTable(columns, [(name, *vars(indices).values()) for name, indices in named], title)
 
 
-def _known(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
+def known_sets(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
     """Accuracy expected of each set of poses that there is."""
     sets = {"now": found.before, "with these": found.after, "with random poses": found.random_after}
     return {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
@@ -149,7 +151,7 @@ def _known(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
 
 def _error_table(found: PoseDesign) -> ResultTable:
     """The parameters that stay least known, as motion of the TCP."""
-    known = _known(found)
+    known = known_sets(found)
     columns = ("parameter (mm of TCP motion)", *(f"{name}|.3f" for name in known))
     worst = np.argsort(-found.after.standard_errors)[:WORST_SHOWN]
     rows = [(found.keys[j], *(knowledge.standard_errors[j] for knowledge in known.values())) for j in worst]
@@ -161,22 +163,12 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
 
     A cell is empty where a rival is never detectable.
     """
-    known = _known(found)
+    known = known_sets(found)
     errors = zip(*(knowledge.standard_errors for knowledge in known.values()), strict=True)
     rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(found.keys, errors, strict=True)]
     for rivals in zip(*(knowledge.rivals for knowledge in known.values() if knowledge.rivals), strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
     return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
-
-
-def _limitations(task: DesignProblem, found: PoseDesign) -> tuple[str, ...]:
-    """What a diagnosis will report that it cannot see, as far as poses decide it: `audit`, before they are measured.
-
-    None for poses that add to measured ones, which are audited together then, or for an arm that is known beforehand.
-    """
-    if task.measured is not None or task.prior is not None:
-        return ()
-    return audit(found.poses, solve_equilibrium(task.model, found.poses).joint_torque)
 
 
 def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
@@ -230,7 +222,7 @@ def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTab
 
     Both of its first parameter.
     """
-    known = {name: one.rivals for name, one in _known(found).items() if one.rivals}
+    known = {name: one.rivals for name, one in known_sets(found).items() if one.rivals}
     if not known:
         return
     rows = []

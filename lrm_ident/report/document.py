@@ -297,7 +297,8 @@ def blocks_html(blocks: Iterable[Block]) -> str:
 def table_html(table: ResultTable) -> str:
     """One table; columns with a format are flush right. A narrow screen stacks rows that end in sentences."""
     right, body = ["|" in column for column in table.columns], list(table.text())
-    head = "".join(_th(name, r) for name, r in zip(table.names, right, strict=True))
+    heads = zip(table.names, right, strict=True)
+    head = "".join(_td(name, r, 'th scope="col"' if name else "td") for name, r in heads)
     rows = "".join("<tr>" + "".join(_td(cell, r) for cell, r in zip(row, right, strict=True)) + "</tr>" for row in body)
     stacked = any(len(row[-1]) > SENTENCE for row in body) and not right[-1]
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
@@ -329,17 +330,9 @@ def _list(section: ListSection) -> str:
     return f"<h4>{title}</h4><ul>{''.join(lines[:OPEN])}</ul>{more}"
 
 
-def _th(name: str, right: bool) -> str:
-    """The head of a column; one without a name is no header."""
-    return f'<th scope="col"{_side(right)}>{escape(name)}</th>' if name else f"<td{_side(right)}></td>"
-
-
-def _td(cell: str, right: bool) -> str:
-    """A cell; of a bar of blocks, a drawn one."""
+def _td(cell: str, right: bool, tag: str = "td") -> str:
+    """A cell; of a bar of blocks, a drawn one. `tag`: with its attributes."""
     if cell and not cell.strip(BAR):
         return f'<td><span class="lrm-share" style="width: {len(cell) / 2}em"></span></td>'
-    return f"<td{_side(right)}>{escape(cell)}</td>"
-
-
-def _side(right: bool) -> str:
-    return ' class="right"' if right else ""
+    side = ' class="right"' if right else ""
+    return f"<{tag}{side}>{escape(cell)}</{tag.split()[0]}>"

@@ -13,6 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent, poses_count
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
+from lrm_ident.fitting.prior_conflict import unusual_dimensions
 from lrm_ident.report.document import Block, CommandLine, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import plain_name
@@ -93,6 +94,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
         *error_blocks(errors, f"{poses_count(len(data))}, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
+        *_unlike_the_drawing(fit),
         *_outlier_words(outliers),
         *_without_outliers(fit, data),
     ]
@@ -117,9 +119,21 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
         "implausible": [{"parameter": one.key, "value": one.value, "unit": one.unit} for one in implausible_of(fit)],
+        "far_from_arm_file": unusual_dimensions(fit),
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
     return Document(blocks, "lrm/fit/1", values, details=details, about="every parameter with its standard error")
+
+
+def _unlike_the_drawing(fit: Fit) -> Iterator[str]:
+    """The dimensions that the poses determine far from those of the arm file, in one line."""
+    sizes = []
+    for key in unusual_dimensions(fit):
+        name, factor, unit = screen_unit(fit.model, key)
+        sizes.append(f"{name} by {fit.model.value(key) * factor:+.1f} {unit}")
+    if sizes:
+        shown = wording.enumerate_words(sizes, OUTLIERS_SHOWN)
+        yield f"Far from the arm file: {shown}. Is it right there, or does the model lack an effect?"
 
 
 def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:

@@ -20,15 +20,7 @@ from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
-from lrm_ident.report.step_card import (
-    EarlierDiagnosis,
-    ErrorFall,
-    StepCard,
-    error_fall,
-    judgement,
-    of_data,
-    step_cards,
-)
+from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, of_data, step_cards
 from lrm_ident.report.story import Kind, Story, story_of
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
@@ -156,35 +148,30 @@ class ModelReport:
         return known if isinstance(known, float) else None
 
     @property
-    def falls(self) -> tuple[ErrorFall, ...]:
-        """Fall of the error of every card's step."""
-        return tuple(error_fall(self.file, self.field, card.number, self.poses.sha256) for card in self.cards)
-
-    @property
     def attributions(self) -> tuple[StepAttribution | None, ...]:
         """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
-        floor, falls = self.floor_mm or 0.0, self.falls
-        if self.diagnosis is None or not all(fall.held_out for fall in falls):
-            return tuple(
-                StepAttribution(Support.DESCRIPTION, 0.0) if card.evidence.describes else None for card in self.cards
-            )
-        little = [takes_little(fall.after, fall.before, floor) for fall in falls]
-        known = [card.evidence for card in self.cards]
+        floor, story, known = self.floor_mm or 0.0, self._story({}), [card.evidence for card in self.cards]
+        if self.diagnosis is None or story is None or not story.held_out:
+            return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if one.describes else None for one in known)
+        little = [takes_little(fall.rms_mm, fall.before_rms_mm, floor) for fall in story.later]
         known = [replace(one, describes=one.describes or so) for one, so in zip(known, little, strict=True)]
-        steps = [(fall.explained, one) for fall, one in zip(falls, known, strict=True)]
+        steps = [(fall.explained, one) for fall, one in zip(story.later, known, strict=True)]
         return attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"])))
 
     @property
     def story(self) -> Story | None:
         """How the error fell on these data; None of a model without a history."""
+        shown = zip(self.cards, self.attributions, strict=True)
+        return self._story(
+            {card.number: term_of(one.kind, card.evidence.equivalent) for card, one in shown if one is not None}
+        )
+
+    def _story(self, kinds: Mapping[int, Kind]) -> Story | None:
+        """The story with what steps are by their number."""
         if not self.file.history:
             return None
         held = [one.held_out_rms_mm if of_data(one, self.poses.sha256) else None for one in self.file.history]
         here = [one.error.rms * 1e3 for one in self.field.steps]
-        shown = zip(self.cards, self.attributions, strict=True)
-        kinds: dict[int, Kind] = {
-            card.number: term_of(one.kind, card.evidence.equivalent) for card, one in shown if one is not None
-        }
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
         return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
@@ -231,7 +218,7 @@ def quick_report(study: Study) -> ModelReport:
         field=arrows,
         covariates=drawn,
         parameters=estimate_table(models[-1][1], file.sigma),
-        cards=step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q),
+        cards=tuple(step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q)),
     )
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-import numpy as np
-
-from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import arrow, in_mm
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.evidence import Evidence
@@ -17,9 +14,9 @@ from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import Document
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
-from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
+from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.effects import FREE_FORMS, Effect, EffectRef, variants
 from lrm_math.model.model import Model
@@ -36,31 +33,6 @@ class EarlierDiagnosis:
 
     verdict: str
     why: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class ErrorFall:
-    """Fall of the RMS error in a step (mm), on the open data; `held_out`: on poses that no fit has seen."""
-
-    before: float
-    after: float
-    held_out: bool
-
-    def share_of_excess(self, floor: float | None) -> float | None:
-        """Share of the mean square above the noise floor (mm) that the step took away; None where that is not known."""
-        if floor is None or self.before <= floor:
-            return None
-        return float(np.clip(share_of_excess(self.after, self.before, floor), 0.0, 1.0))
-
-    @property
-    def words(self) -> str:
-        """Both errors, in mm."""
-        return arrow(self.before * 1e-3, self.after * 1e-3)
-
-    @property
-    def explained(self) -> float:
-        """Mean square (mm²) that the step took away."""
-        return self.before**2 - self.after**2
 
 
 @dataclass(frozen=True)
@@ -119,19 +91,6 @@ def _alone(rivals: Mapping[str, float]) -> dict[str, str]:
     return {name: f"alone it would have left {in_mm(left)} mm{curve[name]}" for name, left in rivals.items()}
 
 
-def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str) -> ErrorFall:
-    """Fall in a step.
-
-    Held out where both errors are of the open data, else of the models as they are on these.
-    """
-    if len(file.history) == len(field.steps) and number > 0:
-        before, after = file.history[number - 1], file.history[number]
-        if before.held_out_rms_mm and after.held_out_rms_mm and of_data(before, sha256) and of_data(after, sha256):
-            return ErrorFall(before.held_out_rms_mm, after.held_out_rms_mm, held_out=True)
-    start = field.steps[number - 1].error.rms if number else error_stats(field.nominal_residual).rms
-    return ErrorFall(start * 1e3, field.steps[number].error.rms * 1e3, held_out=False)
-
-
 def of_data(entry: HistoryTable, sha256: str) -> bool:
     """Whether a step's errors are of the data with this hash."""
     return entry.provenance is not None and entry.provenance.data_sha256 == sha256
@@ -139,47 +98,31 @@ def of_data(entry: HistoryTable, sha256: str) -> bool:
 
 def step_cards(
     file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate], q: Array
-) -> tuple[StepCard, ...]:
+) -> Iterator[StepCard]:
     """A card for every step after the first. `known`: covariates at the drawn poses. `q`: (N, n), commands (rad)."""
-    present = {effect.name for effect in models[-1].effects}
-    return tuple(
-        _card(number, file.history[number], models[number - 1 : number + 1], field, known, present, q)
-        for number in range(1, len(file.history))
-    )
-
-
-def _card(
-    number: int,
-    entry: HistoryTable,
-    models: Sequence[Model],
-    field: ErrorField,
-    known: Sequence[Covariate],
-    present: Collection[str],
-    q: Array,
-) -> StepCard:
-    before, after = ({effect.name: effect for effect in model.effects} for model in models)
-    added = [effect for name, effect in after.items() if name not in before]
-    numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
-    evidence = Evidence(
-        tuple(entry.indistinguishable),
-        rivals=None if entry.rivals_mm is None else {name: left * 1e-3 for name, left in entry.rivals_mm.items()},
-        of_present=any(name in present for effect in added for name in variants(effect)),
-        describes=any(effect.is_free_form or not can_be_contradicted(effect, q) for effect in added),
-    )
-    free = sum(key in entry.sigma for effect in added for key in effect.keys)
-    followed = of_law(added[0], known) if added else known
-    joint, driver = _shown(added[0].place if added else "", field, number, followed)
-    return StepCard(
-        number=number,
-        name=entry.name.added or str(entry.name),
-        title=_capital(step_title(entry.name)),
-        claim=_claim(added, numbers),
-        estimate=next(iter(numbers.values())) if free == 1 else "",
-        estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
-        joint=joint,
-        driver=driver,
-        evidence=evidence,
-    )
+    effects = [{effect.name: effect for effect in model.effects} for model in models]
+    for number, entry in enumerate(file.history[1:], start=1):
+        added = [effect for name, effect in effects[number].items() if name not in effects[number - 1]]
+        numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
+        free = sum(key in entry.sigma for effect in added for key in effect.keys)
+        followed = of_law(added[0], known) if added else known
+        joint, driver = _shown(added[0].place if added else "", field, number, followed)
+        yield StepCard(
+            number=number,
+            name=entry.name.added or str(entry.name),
+            title=_capital(step_title(entry.name)),
+            claim=_claim(added, numbers),
+            estimate=next(iter(numbers.values())) if free == 1 else "",
+            estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
+            joint=joint,
+            driver=driver,
+            evidence=Evidence(
+                tuple(entry.indistinguishable),
+                rivals=None if entry.rivals_mm is None else {name: mm * MM for name, mm in entry.rivals_mm.items()},
+                of_present=any(name in effects[-1] for effect in added for name in variants(effect)),
+                describes=any(effect.is_free_form or not can_be_contradicted(effect, q) for effect in added),
+            ),
+        )
 
 
 def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate]) -> tuple[int, str]:
@@ -190,7 +133,7 @@ def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate
         explained_by_means(before, field.lever, one.values) - explained_by_means(after, field.lever, one.values)
         for one in known
     ]
-    return shown_most(taken, known, joints) if known else (joints[0], "")
+    return shown_most(taken, known, joints)
 
 
 def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:

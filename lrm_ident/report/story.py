@@ -45,6 +45,11 @@ class StoryStep:
     rms_mm: float
     deployed_rms_mm: float | None = None
 
+    @property
+    def explained(self) -> float:
+        """Mean square (mm²) that was taken away."""
+        return self.before_rms_mm**2 - self.rms_mm**2
+
 
 @dataclass(frozen=True)
 class Story:
@@ -65,6 +70,11 @@ class Story:
     noise_rms_mm: float | None = None
     noise_bound_rms_mm: float | None = None
     of_tracker: bool = False
+
+    @property
+    def later(self) -> tuple[StoryStep, ...]:
+        """The steps after the first fit."""
+        return self.steps[2:]
 
     @property
     def sentence(self) -> str:

@@ -15,7 +15,6 @@ from starlette.datastructures import UploadFile
 
 from lrm_ident.workbench.address import HOST, WorkbenchAddress
 from lrm_ident.workbench.gate import Gate
-from lrm_ident.workbench.motion_tab import MotionTab
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.layout import FILES, WorkbenchPage
 from lrm_ident.workbench.work.session_files import keep_dropped, task_for
@@ -28,7 +27,7 @@ RECONNECT_S = 30.0
 
 
 def run_application(
-    place: WorkbenchAddress, session: WorkbenchSession, motion: MotionTab | None, tour: bool, show: bool
+    place: WorkbenchAddress, session: WorkbenchSession, motion: tuple[Path, Path] | None, tour: bool, show: bool
 ) -> None:
     """Serves the page until it is stopped; for the arguments see the command."""
     _add_page(session, tour, motion is not None)
@@ -84,19 +83,11 @@ def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool
     app.on_startup(lambda: running.extend(map(asyncio.create_task, (ticking(), announcing()))))
 
 
-def _add_routes(session: WorkbenchSession, tab: MotionTab | None) -> None:
+def _add_routes(session: WorkbenchSession, recorded: tuple[Path, Path] | None) -> None:
     """Static files; what the page fetches, 404 where there is none yet; dropped files."""
     for folder, files in FILES.items():
         for file in files:
             app.add_static_file(local_file=file, url_path=f"{folder}/{file.name}", max_cache_age=0)
-
-    def values() -> Response:
-        """The values of the figures."""
-        return _text(session.shown.values if session.shown else None, "application/json")
-
-    def model() -> Response:
-        """The model file, to be saved."""
-        return _text(session.shown.model if session.shown else None, "application/toml", "model.toml")
 
     def poses() -> Response:
         """The next poses, to be saved."""
@@ -112,8 +103,10 @@ def _add_routes(session: WorkbenchSession, tab: MotionTab | None) -> None:
     def motion() -> Response:
         """The page of motion, in a thread of its own, since it fits; 400 with the reason if it cannot be made."""
         missing = "no motion model is open; give lrm-ident workbench --motion MOTION RECORDING"
+        from lrm_ident.workbench.motion_page import page_of_files
+
         try:
-            return _text(tab.page if tab else None, "text/html", missing=missing)
+            return _text(page_of_files(*recorded) if recorded else None, "text/html", missing=missing)
         except LrmError as error:
             return PlainTextResponse(str(error), status_code=400)
 
@@ -131,8 +124,15 @@ def _add_routes(session: WorkbenchSession, tab: MotionTab | None) -> None:
             return JSONResponse({"error": str(error)}, status_code=400)
         return JSONResponse({"opened": sorted(contents)})
 
-    for answer in (values, model, poses, report, motion):
-        app.add_api_route(f"/lrm/{answer.__name__}", answer, methods=["GET"], response_model=None)
+    answers = {
+        "values": lambda: _text(session.shown.values if session.shown else None, "application/json"),
+        "model": lambda: _text(session.shown.model if session.shown else None, "application/toml", "model.toml"),
+        "poses": poses,
+        "report": report,
+        "motion": motion,
+    }
+    for name, answer in answers.items():
+        app.add_api_route(f"/lrm/{name}", answer, methods=["GET"], response_model=None)
     app.add_api_route("/lrm/drop", drop, methods=["POST"], response_model=None)
 
 

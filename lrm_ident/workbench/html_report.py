@@ -54,13 +54,16 @@ header { display: flex; flex-wrap: wrap; gap: 4px 16px; align-items: center; } h
 .lrm-paper .verdict { font-size: 14px; } .lrm-paper h2 { font-size: 16px; margin: 3mm 0 1mm; }
 .lrm-paper .medium { height: 72mm; }
 """
-BODY = """<header>
+FRAME = """<header>
 <h1>{title}</h1>
-<p class="lrm-soft">{summary}</p>
-<div class="lrm-controls screen-only"><button type="button" id="lrm-theme">Light or dark</button></div>
-</header>
+{said}
+<div class="lrm-controls screen-only">{controls}<button type="button" id="lrm-theme">Light or dark</button></div>
+{marked}</header>
 <main>
-<div class="lrm-hero">
+{main}
+</main>
+"""
+MAIN = """<div class="lrm-hero">
 <div class="lrm-told">
 {told}
 </div>
@@ -69,19 +72,8 @@ BODY = """<header>
 {below}
 <div class="lrm-numbers">
 {numbers}
-</div>
-</main>
-"""
-PLAIN = """<header>
-<h1>{title}</h1>
-<p class="verdict">{verdict}</p>
-<div class="lrm-controls screen-only">{controls}<button type="button" id="lrm-theme">Light or dark</button></div>
-<p class="lrm-soft" id="lrm-marked"></p>
-</header>
-<main>
-{sections}
-</main>
-"""
+</div>"""
+MARKED = '<p class="lrm-soft" id="lrm-marked"></p>\n'
 START = """
 document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
 lrmTheme.follow(lrm.theme);
@@ -133,7 +125,8 @@ def plain_page(
     numbers = f'<div class="lrm-numbers">\n{blocks_html(blocks)}\n</div>'
     parts = {**figures, "In words and numbers": numbers}
     sections = "\n".join(f"<section>\n<h2>{heading}</h2>\n{html}\n</section>" for heading, html in parts.items())
-    body = PLAIN.format(title=escape(title), verdict=escape(verdict), controls=controls, sections=sections)
+    said = f'<p class="verdict">{escape(verdict)}</p>'
+    body = FRAME.format(title=escape(title), said=said, controls=controls, marked=MARKED, main=sections)
     show = f"lrm{scripts[-1].stem.capitalize()}.show(lrmValues);"
     return standalone_page(title, body, values_text(values), document, scripts, end=show)
 
@@ -147,14 +140,10 @@ def html_report(found: ModelReport) -> str:
     document = found.document()
     sentence = "" if found.story is None else found.story.sentence
     facts = blocks_html([Facts(found.facts)] if found.facts else ())
-    body = BODY.format(
-        title=escape(title),
-        summary=escape(f"{found.field.poses} poses of {found.poses.path.name}{made}"),
-        told=TOLD.format(verdict=escape(found.verdict), sentence=escape(sentence), facts=facts),
-        beside=BESIDE,
-        below=BELOW,
-        numbers=numbers_html(found),
-    )
+    said = f'<p class="lrm-soft">{escape(f"{found.field.poses} poses of {found.poses.path.name}{made}")}</p>'
+    told = TOLD.format(verdict=escape(found.verdict), sentence=escape(sentence), facts=facts)
+    main = MAIN.format(told=told, beside=BESIDE, below=BELOW, numbers=numbers_html(found))
+    body = FRAME.format(title=escape(title), said=said, controls="", marked="", main=main)
     return standalone_page(title, body, values_text(figure_values(found)), document, SCRIPTS, START, "lrm.ready();")
 
 

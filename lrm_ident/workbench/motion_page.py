@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.wording import joint_labels
+from lrm_ident.measuring.motion.motion_files import MotionSource, open_motion
 from lrm_ident.measuring.motion.motion_picture import AXES, READ
 from lrm_ident.measuring.motion.motion_report import auto_document, comparison_document, in_unit, parameter_table
 from lrm_ident.measuring.motion.motion_study import MotionStudy
@@ -26,6 +29,13 @@ BEFORE_AND_AFTER = """<div class="lrm-controls screen-only"><label>what <select 
 <p class="lrm-soft" id="lrm-errors"></p>
 <div id="lrm-path" class="lrm-figure medium"></div>
 <div id="lrm-left" class="lrm-figure" style="height: 260px"></div>"""
+
+
+@lru_cache(maxsize=1)
+def page_of_files(model: Path, recording: Path) -> str:
+    """The page of a motion model's file on a recording, made once, after some seconds of fitting. Raises `LrmError`."""
+    _, study = open_motion(model, MotionSource(recording))
+    return motion_page(MotionStudy.of(study.moves).fit(), study, str(model))
 
 
 def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
@@ -67,33 +77,28 @@ def motion_figures(before: MotionStudy, after: MotionStudy) -> dict[str, Any]:
 def _what(
     before: MotionStudy, after: MotionStudy, joint: int, axis: int, label: str, shown: list[int]
 ) -> dict[str, Any]:
-    moves, scale = after.moves, after.moves.scale
+    moves, residuals = after.moves, [study.told_apart[joint].residual for study in (before, after)]
+    every = (*moves.told_and_read(joint), before.moves.told_and_read(joint)[1], *residuals)
     entries: list[dict[str, Any]] = []
     for move in shown:
         count = moves.counted[move]
-        told, read = (x[move, :, axis][count] for x in moves.told_and_read(joint))
-        own = before.moves.told_and_read(joint)[1][move, :, axis][count]
-        left = [study.told_apart[joint].residual[move, :, axis][count] for study in (before, after)]
+        told, read, own, *left = (moves.scale * x[move, :, axis][count] for x in every)
+        curves = {"told": told, "read": read, "before": own - left[0], "after": read - left[1]}
         entries.append(
             {
                 "name": f"{move + 1}",
                 "dt": round(moves.dt, 6),
                 "start": round(float(np.argmax(count)) * moves.dt, 4),
-                "told": rounded(told * scale, DIGITS),
-                "read": rounded(read * scale, DIGITS),
-                "before": rounded((own - left[0]) * scale, DIGITS),
-                "after": rounded((read - left[1]) * scale, DIGITS),
-                "left": [rounded(one * scale, DIGITS) for one in left],
+                **{name: rounded(curve, DIGITS) for name, curve in curves.items()},
+                "left": [rounded(one, DIGITS) for one in left],
             }
         )
-    errors = [
-        float(np.sqrt(np.nanmean(study.told_apart[joint].residual[:, :, axis] ** 2))) for study in (before, after)
-    ]
+    errors = [float(np.sqrt(np.nanmean(residual[:, :, axis] ** 2))) for residual in residuals]
     worst = int(np.argmax([np.nanmean(np.square([v or 0.0 for v in one["left"][0]])) for one in entries]))
     return {
         "label": label,
         "words": [in_unit(error, moves) for error in errors],
-        "before": errors[0] * scale,
+        "before": errors[0] * moves.scale,
         "moves": entries,
         "first": worst,
     }

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import base64
-import tempfile
 from collections.abc import Iterable
 from html import escape
-from pathlib import Path
+from io import BytesIO
 
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
@@ -18,6 +17,7 @@ from lrm_ident.report.document import Block, blocks_html, heading
 from lrm_ident.report.fit import comparison_document, parameter_table
 from lrm_ident.report.model_report import history_table, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.plot import plot
+from lrm_ident.report.plots.style import DPI
 from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.study.study import Study
@@ -78,8 +78,7 @@ def _tables(blocks: Iterable[Block]) -> str:
 
 
 def _picture(result: object) -> str:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture.png"
-        plot(result, path)
-        text = base64.b64encode(path.read_bytes()).decode()
+    drawn = BytesIO()
+    plot(result).savefig(drawn, dpi=DPI, format="png")
+    text = base64.b64encode(drawn.getvalue()).decode()
     return f'<img alt="figure of the tables above" style="max-width:100%" src="data:image/png;base64,{text}">'

@@ -2,23 +2,97 @@
 
 from __future__ import annotations
 
+import re
 import time
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import check_outputs, write_text
-from lrm_ident.workbench import session_state as state
 from lrm_ident.workbench.address import note_session
+from lrm_ident.workbench.taken_steps import TakenSteps, with_data, with_step, with_undone, without_last
 from lrm_ident.workbench.work import tasks
-from lrm_ident.workbench.work.session_files import follow_file, keep_opened
+from lrm_ident.workbench.work.session_files import FollowedFile, OpenedData, follow_file, keep_opened
+from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
 
 NOTICES_KEPT, LOOK_S = 8, 0.5
 """Notices on the page; s between two looks at files that may change."""
 
 
-class WorkbenchSession(state.SessionState):
-    """Steps of a person with one model on one set of measurements, and their results."""
+@dataclass
+class WorkbenchSession:
+    """One person's work with one model on one set of measurements, shared by all tabs.
+
+    Attributes:
+        folder: where every step is kept as a file as soon as it is taken.
+        taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
+        opened: the measurements at hand, as they were read. stale: whether their file has changed since.
+        poses: the next poses to measure that were chosen last, or why there are none.
+        progress: of the work going on, or None. failure: why the last work ended without a result, or "".
+        version: grows with every change of the state, `drawn` with every change of what the figures show.
+    """
+
+    folder: Path
+    worker: WorkProcess
+    taken: TakenSteps = field(default_factory=TakenSteps)
+    progress: tasks.WorkProgress | None = None
+    failure: str = ""
+    notices: list[str] = field(default_factory=list)
+    followed: FollowedFile | None = None
+    offered: tasks.OpenFiles | None = None
+    opened: OpenedData | None = None
+    stale: bool = False
+    poses: tasks.PosesResult | None = None
+    version: int = 0
+    drawn: int = 0
+    _waiting: tasks.WorkTask | None = None
+    _at_work: tasks.WorkTask | None = None
+    _looked: float = 0.0
+
+    @property
+    def step(self) -> tasks.StepResult | None:
+        """The last step."""
+        return self.taken.last
+
+    @property
+    def shown(self) -> tasks.StepView | None:
+        """View of the last step."""
+        return self.step.shown if self.step else None
+
+    @property
+    def busy(self) -> bool:
+        """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
+        return self.worker.task is not None and not isinstance(self.worker.task, tasks.DiagnoseTask)
+
+    @property
+    def ready(self) -> bool:
+        """Whether a person may take a step now."""
+        return self.step is not None and not self.busy
+
+    @property
+    def can_choose_poses(self) -> bool:
+        """Whether a diagnosis says what poses are for."""
+        return self.ready and self.step is not None and self.step.shown.diagnosed
+
+    @property
+    def can_diagnose(self) -> bool:
+        """Whether the last step has no diagnosis, and none is under way."""
+        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether the model has a step to take back."""
+        return not self.busy and self.shown is not None and self.shown.before is not None
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a step was taken back that can be had again."""
+        return not self.busy and self.taken.undone is not None
+
+    @property
+    def again(self) -> str:
+        """The command that goes on from here, or "" while nothing is open."""
+        return self.step.files.command("workbench").text if self.step else ""
 
     # ---- what a person does
 
@@ -76,7 +150,7 @@ class WorkbenchSession(state.SessionState):
         self._give_way()
         kept = self.new_file()
         write_text(kept, step.shown.before)
-        self.taken = state.without_last(self.taken, kept)
+        self.taken = without_last(self.taken, kept)
         self._noted()
         if self.step is not None and self.step.files.model == kept:
             self._diagnose()
@@ -89,7 +163,7 @@ class WorkbenchSession(state.SessionState):
         if self.taken.undone is None:
             raise LrmError("nothing to redo: no step was taken back since the last change")
         self._give_way()
-        self.taken = state.with_undone(self.taken)
+        self.taken = with_undone(self.taken)
         self._noted()
         self._diagnose()
 
@@ -104,7 +178,7 @@ class WorkbenchSession(state.SessionState):
         step = self._ready()
         if self.opened is None or self.opened.copy is None:
             raise LrmError(f"{step.files.data} changed while it was read: press Reload")
-        self.taken = state.with_data(self.taken, self.opened.copy)
+        self.taken = with_data(self.taken, self.opened.copy)
         self.opened, self.stale = replace(self.opened, path=self.opened.copy), False
         self._noted()
         self._diagnose()
@@ -153,6 +227,11 @@ class WorkbenchSession(state.SessionState):
 
     # ---- what comes back
 
+    def fail(self, words: str) -> None:
+        """Tells why something could not be done; files that were dropped on the page have the names they came with."""
+        self.failure = re.sub(rf"{re.escape(str(self.folder))}/(dropped-\w+/)?", "", words)
+        self._changed()
+
     def tick(self) -> None:
         """Takes what has come from the process; begins what waits."""
         for message in self.worker.messages():
@@ -172,7 +251,7 @@ class WorkbenchSession(state.SessionState):
             if message.words not in self.notices:
                 self.notices = [*self.notices, message.words][-NOTICES_KEPT:]
         elif isinstance(message, tasks.StepResult):
-            self.taken = state.with_step(self.taken, self._at_work, message)
+            self.taken = with_step(self.taken, self._at_work, message)
             self._noted()
         elif isinstance(message, tasks.LawResult | tasks.PosesResult):
             done = (*self.taken.done, *([message.command] if message.command else []))
@@ -182,14 +261,12 @@ class WorkbenchSession(state.SessionState):
                 self._noted()
             else:
                 self.poses = message
-        elif isinstance(message, tasks.WorkFailure):
-            self.progress = None
-            self.fail(message.words)
-            if not isinstance(self._at_work, tasks.DiagnoseTask):
-                self._diagnose()
         elif isinstance(message, tasks.WorkDone):
             self.progress = None
-            if self._waiting is None:
+            if message.failure:
+                self.fail(message.failure)
+            tried = message.failure and isinstance(self._at_work, tasks.DiagnoseTask)
+            if self._waiting is None and not tried:
                 self._diagnose()
         self._changed()
 
@@ -252,3 +329,15 @@ class WorkbenchSession(state.SessionState):
         if self.stale:
             raise LrmError(f"{step.files.data.name} has changed on disk: press Reload or Keep first")
         return step
+
+    def _ready(self) -> tasks.StepResult:
+        """The last step. Raises `LrmError` if there is none, or other work goes on."""
+        if self.step is None:
+            raise LrmError("no model is open yet")
+        if self.busy or self._waiting is not None:
+            raise LrmError("still at work; wait, or press Cancel")
+        return self.step
+
+    def _changed(self, drawn: bool = False) -> None:
+        self.version += 1
+        self.drawn += drawn

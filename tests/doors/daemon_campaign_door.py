@@ -31,7 +31,6 @@ class QuietDaemon(InMemoryDaemon):
     """One whose time does not pass by being looked at."""
 
     def state(self, tail: str) -> Message:
-        """See `RequestHandler`."""
         self._flush()
         return self._publisher.states[tail]()
 
@@ -85,7 +84,6 @@ class DaemonCampaignDoor(DaemonDoor):
         self.time.abandons()
 
     def pass_time(self, seconds: float) -> None:
-        """See `MotionDoor`."""
         self.time.passes(seconds)
 
     def advance(self, t: float) -> None:

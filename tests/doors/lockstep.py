@@ -27,7 +27,6 @@ class Lockstep:
         self.failed: list[str] = []
 
     def now(self) -> float:
-        """See `Clock`."""
         return self._t
 
     def sleep(self, seconds: float) -> None:

@@ -41,7 +41,6 @@ class ServoPlayDoor(CampaignDoor):
     """See `CampaignDoor`; for a wish there are moves there and back."""
 
     def goes(self, arm: ServoArm, wish: Sequence[float]) -> None:
-        """See `CampaignDoor`."""
         play(arm, there_and_back(arm.commanded(), wish, SHARE * SPEED), [], lambda _: None)
 
 

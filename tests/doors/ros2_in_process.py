@@ -108,14 +108,12 @@ class GatedSession:
         self._session, self._gate = session, gate
 
     def get(self, *arguments: Any, **named: Any) -> list[Any]:
-        """See `FakeZenohSession`."""
         self._gate.passed()
         answers = self._session.get(*arguments, **named)
         self._gate.passed()
         return answers
 
     def put(self, *arguments: Any, **named: Any) -> None:
-        """See `FakeZenohSession`."""
         self._gate.passed()
         self._session.put(*arguments, **named)
 
@@ -143,11 +141,9 @@ class RosSide:
             self._on_the_way.append(partial(self._arrivals.taken_by(lambda *_: answered()), None))
 
     def stamp(self, t: float) -> float:
-        """See `RosNode`."""
         return t
 
     def result(self, *parts: Any) -> tuple[Any, ...]:
-        """See `RosNode`."""
         return parts
 
     goal_info = result

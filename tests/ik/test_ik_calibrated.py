@@ -33,28 +33,11 @@ from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
+from validation.calibrated_ik import with_effects
 
 SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998
-
-
-def with_effects(model: Model, names: tuple[str, ...], seed: int, size: float = 0.3) -> Model:
-    """A model and more effects of typical size, signs random where allowed."""
-    added = [e for name in names for e in effects_at(model.arm, name) if e.name not in _names(model)]
-    known = dict(zip(model.keys, model.values.tolist(), strict=True))
-    full = model_of(model.arm, (*model.effects, *added), known)
-    rng = np.random.default_rng(seed)
-    values = {
-        key: rng.uniform(0.2, 1.0) * size * p.typical * (1.0 if p.lower == 0.0 else rng.choice([-1.0, 1.0]))
-        for key, p in zip(full.keys, full.parameters, strict=True)
-        if key not in known and p.fixed is None
-    }
-    return model_of(model.arm, full.effects, known | values)
-
-
-def _names(model: Model) -> set[str]:
-    return {effect.name for effect in model.effects}
 
 
 @lru_cache

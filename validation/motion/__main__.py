@@ -85,7 +85,8 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
                 off[key] = (study.model.values[key] - value) / study.model.sigma[key]
     before = start.fits[joint].held_out_rms
     degrees = [float(np.degrees(value)) for value in (before, after, noise)]
-    return MotionOutcome(case.name, joint + 1, named, rest, verdict, *degrees, off, time.monotonic() - begun)
+    seconds = time.monotonic() - begun
+    return MotionOutcome(case.name, joint + 1, named, rest, verdict, degrees[0], degrees[1], degrees[2], off, seconds)
 
 
 def main() -> None:

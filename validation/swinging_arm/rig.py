@@ -17,6 +17,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
+from lrm_math.motion.modes import POSTURES
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from lrmd.config import Config
 from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
@@ -37,11 +38,11 @@ SERVO_HZ, SERVO_RATIO = 14.0, 1.32
 """Second-order response like the simulated servos' exponential approach with 0.03 s."""
 FRAME_TICKS, NOISE_M = 2, 0.0003
 """Ticks between frames of the tracker, 13 ms, and standard deviation of a frame per axis."""
-RENEW_TICKS, POSTURES = 15, 500
+RENEW_TICKS = 15
 
 
 def known_model(arm: Arm) -> MotionModel:
-    """A motion model that knows the springs."""
+    """A motion model that knows the springs: their frequencies are right at the mean of the postures that it counts."""
     chain, rng = chain_of(arm), np.random.default_rng(0)
     lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
     M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)
@@ -155,22 +156,18 @@ class SwingingRover:
     # ---- parts of a campaign
 
     def go(self, pose: PlannedPose) -> ArmState:
-        """See `CampaignArm`."""
         _, leg = self.move(np.array(pose.q))
         self.settle_s = self.known.settle_s(leg)
         self.pass_ticks(4)
         return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
 
     def commanded(self) -> tuple[float, ...]:
-        """See `CampaignArm`."""
         return tuple(self.daemon.core.angles(self.daemon.ramp.position)[: self.arm.dof])
 
     def disturbed(self) -> str:
-        """See `CampaignArm`."""
         return ""
 
     def too_warm(self) -> str:
-        """See `CampaignArm`."""
         return ""
 
     def cool(self, rest: PlannedPose) -> None:
@@ -180,7 +177,6 @@ class SwingingRover:
         """See `CampaignArm`."""
 
     def frames(self, seconds: float) -> list[TrackerFrame]:
-        """See `Tracker`."""
         out = []
         for tip in self.tips(round(seconds / self.tick_s))[::FRAME_TICKS]:
             self.number += 1
@@ -189,11 +185,9 @@ class SwingingRover:
         return out
 
     def now(self) -> float:
-        """See `Clock`."""
         return self.daemon.now * 1e-9
 
     def sleep(self, seconds: float) -> None:
-        """See `Clock`."""
         self.pass_ticks(max(0, round(seconds / self.tick_s)))
 
 

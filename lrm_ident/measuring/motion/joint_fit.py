@@ -39,7 +39,8 @@ class JointFit:
     """Fitted effects of one joint.
 
     Attributes:
-        values: (p,), SI. covariance: (p, p); zero rows at a bound. residual: (S, T, m), NaN where none counts.
+        values: (p,), SI. covariance: (p, p), as if none of them had bounds; zero rows where no move shows a parameter.
+        residual: (S, T, m), NaN where none counts.
     """
 
     effects: tuple[MotionEffect, ...]
@@ -103,10 +104,8 @@ def fit_joint(
     start = _best_start(own, data, known)
     values, J, residual = _solve(own, data, start, most)
     parameters = [parameter for effect in own for parameter in effect.parameters]
-    free = (_lower(own, data) < values) & (values < np.array([p.upper for p in parameters]))
-    covariance = np.zeros((len(values), len(values)))
-    scale = np.array([p.typical for p in parameters])[free]
-    covariance[np.ix_(free, free)] = _clustered(J[:, free] * scale, residual, data.count) * np.outer(scale, scale)
+    scale = np.array([p.typical for p in parameters])
+    covariance = _clustered(J * scale, residual, data.count) * np.outer(scale, scale)
     error = np.full(data.target.shape, np.nan)
     error[data.counted] = residual.reshape(-1, data.target.shape[2])
     return JointFit(own, data, values, covariance, error)

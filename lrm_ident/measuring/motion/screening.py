@@ -88,9 +88,16 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
 
 
 def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
-    """The fit with a further effect, from the values before; to be fitted once more if it is kept."""
-    order = (*before.effects, effect)
-    return fit_joint(order, before.data, before.data.start(before.by_key, effect), SCREENING_EVALUATIONS)
+    """The fit with a further effect, from the values before; fitted to its end if it explains anything."""
+    order, data = (*before.effects, effect), before.data
+    fit = fit_joint(order, data, data.start(before.by_key, effect), SCREENING_EVALUATIONS)
+    return fit_joint(order, data, fit.by_key) if _explains(fit, before) else fit
+
+
+def _explains(fit: JointFit, before: JointFit) -> bool:
+    """Whether it leaves enough less in the sample to be cross-validated."""
+    least = PROMISING * (1.0 - (1.0 - MIN_GAIN) ** 2)
+    return fit.squares <= (1.0 - least) * before.squares
 
 
 def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[MotionEffect] = ()) -> JointFit:
@@ -101,8 +108,7 @@ def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[Mot
 
 def _candidate(before: JointFit, effect: MotionEffect, tried: int) -> MotionCandidate:
     fit = with_effect(before, effect)
-    least = PROMISING * (1.0 - (1.0 - MIN_GAIN) ** 2)
-    if fit.squares > (1.0 - least) * before.squares:
+    if not _explains(fit, before):
         return MotionCandidate(effect, fit, None, 1.0, Support.NO_EVIDENCE)
     p_value = min(1.0, tried * p_of_gain(before, fit))
     supported = fit.held_out_rms < (1.0 - MIN_GAIN) * before.held_out_rms and p_value < SIGNIFICANCE

@@ -108,11 +108,6 @@ class Conclusion:
         shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED and fact[1] != NOT_YET)
         return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
 
-    @property
-    def further(self) -> tuple[tuple[str, str], ...]:
-        """The facts that stand in the details."""
-        return tuple(fact for fact in self.facts if fact[0] in FOLDED)
-
     def as_json(self) -> dict[str, object]:
         """The table `conclusion`."""
         return {

@@ -138,7 +138,7 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
         f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
         Facts(
             (
-                *(fact for fact in concluded.further if fact[0] != BLACK_BOX),
+                *(fact for fact in concluded.facts if fact[0] == "left out"),
                 ("fit error", f"{in_mm(report.fitted.rms)} mm RMS"),
                 ("noise", noise),
                 ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from lrm_ident.design.observability import INDICES, UNITS, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
+from lrm_ident.report.design import known_sets
 from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_ident.report.plots.style import (
     GREEN,
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RIVAL = 16  # letters in a line of a rival's name
+LOOKS = {"now": (NOMINAL, "s", ".."), "with random poses": (HELD_OUT, "x", "//"), "with these": (MODEL, "o", "")}
+"""Colour, marker and hatch of each set of poses."""
 NEVER = 1e6  # height of a bar, off the figure, where a rival is never detectable
 TABLE_A_1 = (
     *(2.34e6, 1.13e6, 8.07e5, 2.93e5, 2.11e5, 1.95e4, 9.25e3, 1.71e3, 1.39e3, 1.02e3, 8.16e2, 7.28e2, 6.16e2, 4.79e2),
@@ -70,11 +72,8 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
     """
     widths = (0.7, 1.3) if found.after.discrimination is None else (0.7, 1.2, 0.5)
     everywhere, chosen = (solve_equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
-    sets = [
-        *(() if found.before is None else (PlottedSet(found.before, "now", NOMINAL, "s", ".."),)),
-        PlottedSet(found.random_after, "with random poses", HELD_OUT, "x", "//"),
-        PlottedSet(found.after, "with these", MODEL, "o", ""),
-    ]
+    known = known_sets(found)
+    sets = {name: known[name] for name in LOOKS if name in known}
     with figure_file(path, 14, 4.8) as figure:
         panels = figure.subplots(1, len(widths), width_ratios=widths)
         _draw_places(panels[0], everywhere, chosen, (0, 2))
@@ -84,41 +83,32 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
             _draw_rivals(panels[2], [rival.name for rival in found.after.rivals], sets)
 
 
-@dataclass(frozen=True, eq=False)
-class PlottedSet:
-    """The expected accuracy of one set of poses, and how it is drawn."""
-
-    known: ExpectedAccuracy
-    label: str
-    colour: str
-    marker: str
-    hatch: str
-
-
-def _draw_errors(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
+def _draw_errors(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAccuracy]) -> None:
     place = np.arange(len(names))
-    for one in sets:
-        label = f"{one.label}: TCP to {one.known.tcp:.3g} mm"
-        axes.plot(place, one.known.standard_errors, one.marker, color=one.colour, label=label, markersize=6)
+    for name, known in sets.items():
+        colour, marker, _ = LOOKS[name]
+        label = f"{name}: TCP to {known.tcp:.3g} mm"
+        axes.plot(place, known.standard_errors, marker, color=colour, label=label, markersize=6)
     _log(axes)
     axes.set_xticks(place, names, rotation=90, fontsize=8)
     axes.set_ylabel("standard error, as motion of the tip, mm")
     legend_below(axes, len(sets))
 
 
-def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
+def _draw_rivals(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAccuracy]) -> None:
     """The least detectable size of every rival; no bar where it never is."""
     width = 0.8 / len(sets)
-    for k, one in enumerate(sets):
+    for k, (name, known) in enumerate(sets.items()):
+        colour, _, hatch = LOOKS[name]
         place = np.arange(len(names)) + (k - 0.5 * (len(sets) - 1)) * width
-        for x, rival in zip(place, one.known.rivals, strict=True):
+        for x, rival in zip(place, known.rivals, strict=True):
             height = NEVER if rival.detectable_size is None else rival.detectable_size
-            bar = axes.bar(x, height, width, color=one.colour, hatch=one.hatch, edgecolor="white")
+            bar = axes.bar(x, height, width, color=colour, hatch=hatch, edgecolor="white")
             if rival.detectable_size is not None:
                 axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=8)
             else:
                 axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
-    sizes = [rival.detectable_size for one in sets for rival in one.known.rivals if rival.detectable_size is not None]
+    sizes = [one.detectable_size for known in sets.values() for one in known.rivals if one.detectable_size is not None]
     _log(axes)
     axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
     axes.set_xticks(np.arange(len(names)), [fill(plain_name(name), RIVAL) for name in names], fontsize=8)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # matplotlib takes half a second to load
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FORMATS = (".png", ".svg", ".pdf")
+FORMATS, DPI = (".png", ".svg", ".pdf"), 110
 NOMINAL, MODEL, HELD_OUT, GREEN = "#888888", "#0072b2", "#d55e00", "#009e73"
 TITLE_LINE = 56
 """Characters of a title that one panel has room for."""
@@ -41,7 +41,7 @@ def figure_file(path: Path | None, width: float, height: float) -> Iterator[Figu
         yield figure
     if path is not None:
         drawn = BytesIO()
-        figure.savefig(drawn, dpi=110, format=path.suffix[1:])
+        figure.savefig(drawn, dpi=DPI, format=path.suffix[1:])
         write_bytes(path, drawn.getvalue())
 
 

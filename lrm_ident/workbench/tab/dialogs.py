@@ -10,8 +10,8 @@ from pathlib import Path
 from nicegui import ui
 
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.session_state import commands_text
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
+from lrm_ident.workbench.taken_steps import commands_text
 from lrm_ident.workbench.work.tasks import LawResult, PosesResult, section_html
 from lrm_math.errors import LrmError
 

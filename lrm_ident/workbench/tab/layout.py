@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from nicegui import ui
 
@@ -34,11 +33,13 @@ FILES = {
 }
 """Files that the page fetches, by their folder in the address."""
 BANNER = """<div id="lrm-banner" role="alert" hidden></div>
+<input type="file" id="lrm-pick" multiple accept=".csv,.toml" onchange="lrmOpen(this.files); this.value = ''" hidden>
 <section class="lrm-panel lrm-row" id="lrm-rover" hidden aria-label="rover"><h2>Rover</h2>
 <div id="lrm-rover-arms" class="lrm-arms"></div><p id="lrm-rover-words" class="lrm-small" aria-live="off"></p>
 </section>"""
 GONE = """The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in {folder}. \
 Go on with: {again}"""
+PICK = "document.getElementById('lrm-pick').click()"
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
 """Until the browser shows the numbers that it was sent."""
@@ -59,20 +60,13 @@ addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.
 window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""
 
 
-class ChosenEffect(NamedTuple):
-    """The effect that Add would add: `effect@place`, and the same in plain words."""
-
-    name: str
-    title: str
-
-
 class WorkbenchPage:
-    """One tab. `chosen`: the candidate chosen in it; `seen`, `drawn`: the versions of the session that it shows."""
+    """One tab. `chosen`: `name`, `title` of the candidate; `seen`, `drawn`: versions of the session that it shows."""
 
     def __init__(self, session: WorkbenchSession, first_tab: bool, tour: bool, motion: bool) -> None:
         """Makes the elements, within the page; `motion`: there is a tab of motion to open."""
         self.session = session
-        self.chosen: ChosenEffect | None = None
+        self.chosen: dict[str, str] | None = None
         self.seen = self.drawn = -1
         self.law, self.poses = session.taken.law, session.poses
         ui.add_head_html(head_html())
@@ -117,7 +111,7 @@ class WorkbenchPage:
 
     def _menu(self) -> Iterator[PageAction | None]:
         """All that may be done but what is advised; None: a line between."""
-        yield PageAction("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
+        yield PageAction("Open…", lambda: ui.run_javascript(PICK), "open a CSV, a model, or both")
         yield PageAction("Save…", self._save, SAVE, "s")
         yield PageAction("Report", "/lrm/report", "all in one file")
         yield PageAction(
@@ -136,7 +130,7 @@ class WorkbenchPage:
         session, shown = self.session, self.session.shown
         if self.chosen is not None:
             add = "add the chosen effect and refit everything (A)"
-            return "add", PageAction(f"Add: {self.chosen.title}", self._add, add, "a", "ready")
+            return "add", PageAction(f"Add: {self.chosen['title']}", self._add, add, "a", "ready")
         if shown is None or not shown.diagnosed:
             words = "Diagnose" if session.can_diagnose else "Diagnosing…"
             return "diagnose", PageAction(words, session.diagnose, MISSING, "", "can_diagnose")
@@ -149,7 +143,7 @@ class WorkbenchPage:
         self.primary.set_text(one.text)
         self.primary.props(f'data-name="{name}" title="{one.hint}"')
         self.primary.set_enabled(getattr(self.session, one.able))
-        self.name.set_text(self.chosen.name if self.chosen else "")
+        self.name.set_text(self.chosen["name"] if self.chosen else "")
 
     def _button(self, one: PageAction) -> ui.button:
         """A button; an address opens by itself: browsers block tabs that a script opens after the server's answer."""
@@ -214,13 +208,13 @@ class WorkbenchPage:
             self._do(do)
 
     def _choose(self, one: dict[str, str] | None) -> None:
-        self.chosen = None if one is None else ChosenEffect(one["name"], one["title"])
+        self.chosen = one
         self._show_advised()
 
     def _add(self) -> None:
         if self.chosen is None:
             raise LrmError("choose an effect of the list first")
-        self.session.add(self.chosen.name)
+        self.session.add(self.chosen["name"])
 
     def _save(self) -> None:
         dialogs.save_dialog(self.session, self._do)

@@ -20,17 +20,9 @@
     document.body.classList.remove("lrm-over");
     if (event.dataTransfer.files.length) window.lrmOpen(event.dataTransfer.files);
   });
-  window.lrmPick = () => {
-    const input = document.createElement("input");
-    input.type = "file";
-    input.multiple = true;
-    input.accept = ".csv,.toml";
-    input.onchange = () => window.lrmOpen(input.files);
-    input.click();
-  };
 
   document.addEventListener("keydown", (event) => {
-    const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName);
+    const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "radio";
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
     if ("aurplcs".includes(key) && key.length === 1) window.lrmEmit("lrm_key", key);

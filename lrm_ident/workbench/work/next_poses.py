@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import sqrt
 from typing import Any
-
-import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
@@ -18,16 +17,17 @@ from lrm_ident.design.discrimination import UnsuitableRival
 from lrm_ident.design.pose_design import DesignProblem, PoseDesign
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
-from lrm_ident.report.document import Document
-from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plots.interactive.candidate_view import rounded
+from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_ident.study.study import Study
+from lrm_ident.workbench.work.tasks import DoneCommand, PosesResult, PosesTask, unpacked
 from lrm_math.arm.arm_file import GRAM, MM
-from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.chain import chain_of
-from lrm_math.kinematics.forward import frames
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
 
 COUNT, REPEATS, SEED = 50, 5, 0
 """As `lrm-ident design` without options."""
@@ -35,20 +35,9 @@ MOST_RIVALS = 4
 """That are tried, one after the other, until some poses are expected to tell one from the first candidate."""
 
 
-@dataclass(frozen=True, eq=False)
-class NextPoses:
-    """Poses to measure: what they will tell, a report on them, their file's text, and the arguments of `design` that
-    choose the same. `arms`: (N, n + 2, 3), the nominal arm's frames at every pose, base to TCP (m)."""
-
-    sentence: str
-    document: Document
-    arms: Array
-    table: str
-    arguments: tuple[str, ...]
-
-
-def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPoses:
+def next_poses(study: Study, asked: PosesTask, progress: Progress) -> PosesResult:
     """Chooses the next poses. Raises `LrmError`: no choice can tell any rivals apart, or there are too few poses."""
+    found = unpacked(asked.packed)
     left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
     noise_mm = float(f"{left / sqrt(3.0):.3g}")  # the floor that the data show, else all that the last step leaves
     arm, data = study.model.arm, study.data
@@ -69,18 +58,16 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
     ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
-    rules, chain = ClearanceRules(floor=floor_above_table(arm)), chain_of(arm)
+    rules = ClearanceRules(floor=floor_above_table(arm))
     offer = clear_poses(arm, (), [load * GRAM for load in loads_g], rules, SEED)
     best: tuple[tuple[str, ...], DesignProblem, PoseDesign] | None = None
     for names in rival_pairs(ranking):
         task = replace(problem, rivals=tuple(e for name in names for e in effects_at(arm, name, study.catalogue)))
         try:
             chosen = designed(task, offer, ticked)
-        except UnsuitableRival as error:
-            refused.append(f"{plain_name(error.name)} {error.why}")
-            continue
         except LrmError as error:
-            refused.append(str(error))
+            named = f"{plain_name(error.name)} {error.why}" if isinstance(error, UnsuitableRival) else str(error)
+            refused.append(named)
             continue
         if best is None or chosen.told:
             best = names, task, chosen
@@ -92,10 +79,17 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     document = design_document(task, offer, chosen)
     arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
     arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
-    blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
-    q, table = chosen.poses.q, pose_table(chosen).csv()
-    arms = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))[:, :, :3, 3]
-    return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)
+    arguments += ("--model", str(asked.files.model), "--have", str(asked.files.data), "-o", str(asked.kept))
+    shown = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
+    arms = arm_lines(solve_equilibrium(model_of(arm, ()), chosen.poses))
+    return PosesResult(
+        data=asked.files.data.name,
+        words=blocks_html(shown),
+        table=pose_table(chosen).csv(),
+        command=DoneCommand(("design", *arguments), asked.files.effects_file),
+        sentence=_sentence(names, chosen),
+        arms=json.dumps(rounded(arms * 1e3, 0)),
+    )
 
 
 def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import pickle
 from collections.abc import Iterable
 from dataclasses import replace
@@ -23,7 +22,6 @@ from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.diagnosis.course import proposal_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
-from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
@@ -45,7 +43,7 @@ _READ: dict[str, tuple[Arm, Measurements]] = {}
 @singledispatch
 def run_task(task: tasks.WorkTask, send: tasks.Send) -> None:
     """Does a task; sends how far it is, and its results. Raises `LrmError`."""
-    send(tasks.WorkFailure(f"no work is known for {type(task).__name__}"))
+    send(tasks.WorkDone(f"no work is known for {type(task).__name__}"))
 
 
 @run_task.register
@@ -153,7 +151,7 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
     send(tasks.WorkProgress("reading the files"))
     name = task.files.data.name
     try:
-        found = next_poses(_study(task.files, send), tasks.unpacked(task.packed), _bars(send))
+        found = next_poses(_study(task.files, send), task, _bars(send))
     except LrmError as error:
         problem = str(error)
         for path in (task.files.data, task.files.model):
@@ -161,10 +159,7 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
         send(tasks.PosesResult(name, problem=problem))
         return
     write_text(task.kept, found.table)
-    files: tuple[str | Path, ...] = ("--model", task.files.model, "--have", task.files.data, "-o", task.kept)
-    command = tasks.DoneCommand(("design", *found.arguments, *files), task.files.effects_file)
-    words, arms = blocks_html(found.document.blocks), json.dumps(rounded(found.arms * 1e3, 0))
-    send(tasks.PosesResult(name, words, found.table, command=command, sentence=found.sentence, arms=arms))
+    send(found)
 
 
 def step_found(

@@ -40,14 +40,9 @@ class WorkNotice:
 
 @dataclass(frozen=True)
 class WorkDone:
-    """The task is done."""
+    """The task has ended; `failure`: why without a result, in one line, or ""."""
 
-
-@dataclass(frozen=True)
-class WorkFailure:
-    """Reason why a task ended without a result, in one line."""
-
-    words: str
+    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -196,7 +191,7 @@ class PosesTask(StepTask):
     """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not."""
 
 
-WorkMessage = WorkProgress | WorkNotice | StepResult | LawResult | PosesResult | WorkDone | WorkFailure
+WorkMessage = WorkProgress | WorkNotice | StepResult | LawResult | PosesResult | WorkDone
 """What comes back of a task: any number of results, at last whether it is done."""
 Send = Callable[[WorkMessage], None]
 WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask | PosesTask

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from lrm_ident.fitting.executors import end_with_parent
-from lrm_ident.workbench.work.tasks import WorkDone, WorkFailure, WorkMessage, WorkProgress, WorkTask
+from lrm_ident.workbench.work.tasks import WorkDone, WorkMessage, WorkProgress, WorkTask
 from lrm_math.errors import LrmError
 
 SMALLEST_PAUSE = 0.05
@@ -49,7 +49,7 @@ class WorkProcess:
         try:
             while self._pipe.poll():
                 message = self._pipe.recv()
-                if isinstance(message, WorkFailure | WorkDone):
+                if isinstance(message, WorkDone):
                     self.task = None
                 yield message
         except (EOFError, OSError):
@@ -57,7 +57,7 @@ class WorkProcess:
             self.close()
             self._start()
             if was is not None:
-                yield WorkFailure("the process that did the work was ended from outside; the model is as it was")
+                yield WorkDone("the process that did the work was ended from outside; the model is as it was")
 
     def cancel(self) -> None:
         """Ends the task at once; a new process takes the next one."""
@@ -111,6 +111,6 @@ def _work(pipe: Connection) -> None:
             run_task(task, send)
             pipe.send(WorkDone())
         except LrmError as error:
-            pipe.send(WorkFailure(str(error)))
+            pipe.send(WorkDone(str(error)))
         except Exception as error:  # a fault of ours must not end the page
-            pipe.send(WorkFailure(f"internal error ({type(error).__name__}: {error}); please report it"))
+            pipe.send(WorkDone(f"internal error ({type(error).__name__}: {error}); please report it"))

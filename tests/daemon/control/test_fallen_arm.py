@@ -17,15 +17,14 @@ from lrmd.messages.control import (
     ArmRequest,
     DisarmRequest,
     HoldRequest,
-    LeaseRequest,
     MoveRequest,
     PayloadRequest,
     RelaxRequest,
     ResetRequest,
 )
+from tests.support.daemon.armed_daemon import ArmedDaemon, take
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 
-HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
 LOADED, BALANCED = (0.0, 0.4, 0.0, 0.0, 0.0, 0.0), (0.0, -0.03, 0.0, 0.01, 0.0, 0.0)
 
 
@@ -35,21 +34,9 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
     return config_at(330.0, folder)
 
 
-def lease(sim: SimulatedDaemon) -> str:
-    given_ = sim.core.handle(LeaseRequest(action="acquire", holder="x", take=True), sim.now).lease
-    assert given_ is not None
-    return given_.token
-
-
-def armed(config: Config, torque: tuple[float, ...]) -> SimulatedDaemon:
-    sim = SimulatedDaemon(config, torque=torque)
-    sim.run(30)
-    token = lease(sim)
-    sim.core.handle(ArmRequest(lease=token, where="given", q_rad=HOME), sim.now)
-    for _ in range(14):
-        sim.run(20)
-        sim.core.handle(LeaseRequest(action="renew", lease=token), sim.now)
-    assert sim.core.mode is Mode.ARMED
+def armed(config: Config, torque: tuple[float, ...]) -> ArmedDaemon:
+    sim = ArmedDaemon(config, torque=torque)
+    sim.arm("given", [0.0] * 6)
     sim.core.stored = sim.core.saved(1)
     return sim
 
@@ -65,20 +52,20 @@ def silence(sim: SimulatedDaemon) -> None:
 
 ENDS: dict[str, Callable[[SimulatedDaemon], object]] = {
     "estop": estop,
-    "relax": lambda sim: sim.core.handle(RelaxRequest(lease=lease(sim)), sim.now),
-    "relax joint 2": lambda sim: sim.core.handle(RelaxRequest(lease=lease(sim), servos=["joint2"]), sim.now),
-    "disarm": lambda sim: sim.core.handle(DisarmRequest(lease=lease(sim)), sim.now),
+    "relax": lambda sim: sim.core.handle(RelaxRequest(lease=take(sim)), sim.now),
+    "relax joint 2": lambda sim: sim.core.handle(RelaxRequest(lease=take(sim), servos=["joint2"]), sim.now),
+    "disarm": lambda sim: sim.core.handle(DisarmRequest(lease=take(sim)), sim.now),
     "silence": silence,
 }
 
 
 def arm_at_stored(sim: SimulatedDaemon) -> None:
     if sim.core.mode in (Mode.ESTOP, Mode.FAULT):
-        sim.core.handle(ResetRequest(lease=lease(sim)), sim.now)
+        sim.core.handle(ResetRequest(lease=take(sim)), sim.now)
         sim.run(6)
     sim.core.stored = sim.core.saved(2)
     try:
-        sim.core.handle(ArmRequest(lease=lease(sim), where="stored"), sim.now)
+        sim.core.handle(ArmRequest(lease=take(sim), where="stored"), sim.now)
     finally:
         sim.run(30)
 
@@ -111,7 +98,7 @@ def test_an_arm_in_balance_stays_where_it_was(config: Config, end: str) -> None:
 @pytest.mark.parametrize("end", ["estop", "relax"])
 def test_pulses_that_end_in_motion_leave_none_either(config: Config, end: str) -> None:
     sim = armed(config, BALANCED)
-    sim.core.handle(MoveRequest(lease=lease(sim), waypoints=[{"joint1": 0.5}]), sim.now)
+    sim.core.handle(MoveRequest(lease=take(sim), waypoints=[{"joint1": 0.5}]), sim.now)
     sim.run(30)
     ENDS[end](sim)
     sim.run(90)
@@ -125,7 +112,7 @@ def test_pulses_that_end_in_motion_leave_none_either(config: Config, end: str) -
 def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> None:
     """Known only if no step was made, or the motion had ended before."""
     sim = armed(config, BALANCED)
-    sim.core.handle(MoveRequest(lease=lease(sim), waypoints=[{"joint1": 0.5}]), sim.now)
+    sim.core.handle(MoveRequest(lease=take(sim), waypoints=[{"joint1": 0.5}]), sim.now)
     before = sim.core.position
     sim.run(at)
     if held:
@@ -138,11 +125,11 @@ def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> No
 
 
 def another_joint_moves(sim: SimulatedDaemon) -> None:
-    sim.core.handle(MoveRequest(lease=lease(sim), waypoints=[{"joint1": 0.02}]), sim.now)
+    sim.core.handle(MoveRequest(lease=take(sim), waypoints=[{"joint1": 0.02}]), sim.now)
 
 
 def another_load(sim: SimulatedDaemon) -> None:
-    sim.core.handle(PayloadRequest(lease=lease(sim), payload_kg=0.05), sim.now)
+    sim.core.handle(PayloadRequest(lease=take(sim), payload_kg=0.05), sim.now)
 
 
 def the_rover_leans(sim: SimulatedDaemon) -> None:
@@ -159,7 +146,7 @@ def test_a_joint_that_stayed_where_its_pulses_ended_may_fall_later(
 ) -> None:
     """Released in balance; then it bears more, and nobody has told."""
     sim = armed(config, BALANCED)
-    sim.core.handle(RelaxRequest(lease=lease(sim), servos=["joint2"]), sim.now)
+    sim.core.handle(RelaxRequest(lease=take(sim), servos=["joint2"]), sim.now)
     sim.run(30)
     assert not sim.core.fallen.bits
     if bears_more:
@@ -174,7 +161,7 @@ def test_a_joint_that_stayed_where_its_pulses_ended_may_fall_later(
     if bears_more:
         sim.core.stored = stored
         with pytest.raises(RequestError, match="the arm fell"):
-            sim.core.handle(ArmRequest(lease=lease(sim), where="stored", servos=["joint2"]), sim.now)
+            sim.core.handle(ArmRequest(lease=take(sim), where="stored", servos=["joint2"]), sim.now)
 
 
 def test_it_is_stored_for_the_next_start_also_of_servos_that_still_have_pulses(config: Config) -> None:
@@ -186,7 +173,7 @@ def test_it_is_stored_for_the_next_start_also_of_servos_that_still_have_pulses(c
     later.run(30)
     with pytest.raises(RequestError, match="the arm fell"):
         arm_at_stored(later)
-    later.core.handle(ArmRequest(lease=lease(later), where="given", q_rad={"joint2": 0.1}), later.now)
+    later.core.handle(ArmRequest(lease=take(later), where="given", q_rad={"joint2": 0.1}), later.now)
     later.run(30)
     assert later.core.fallen.names(later.core.fallen.bits) == [n for n in config.names if n != "joint2"]
 

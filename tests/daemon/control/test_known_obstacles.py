@@ -26,7 +26,8 @@ from lrmd.messages.kinematics import GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.surroundings import MOST_CELLS, MOST_HEIGHTS, MOST_OBSTACLES, ObstacleEntry, packed, unpacked
 from lrmd.ramp.shared_memory import SharedRecords
 from lrmd.safety.collision_guard import CollisionGuard
-from tests.daemon.safety.test_contact import ABOVE, Toucher
+from tests.daemon.safety.test_contact import ABOVE, rigid
+from tests.support.daemon.armed_daemon import ArmedDaemon
 from tests.support.daemon.in_memory_daemon import CONFIG
 
 AWAY = ABOVE + np.array([-0.8, -0.3, 0.0, 0.0, 0.0, 0.0])
@@ -38,8 +39,8 @@ def config() -> Config:
 
 
 @pytest.fixture
-def sim(config: Config) -> Toucher:
-    return Toucher(config, ABOVE)
+def sim(config: Config) -> ArmedDaemon:
+    return rigid(config, ABOVE)
 
 
 def sphere(name: str, place: Any, radius: float = 0.03) -> ObstacleEntry:
@@ -65,22 +66,22 @@ def rock(config: Config, share: float, name: str = "map") -> ObstacleEntry:
     )  # fmt: skip
 
 
-def tell(sim: Toucher, *put: ObstacleEntry, owner: str = "map", **more: Any) -> None:
+def tell(sim: ArmedDaemon, *put: ObstacleEntry, owner: str = "map", **more: Any) -> None:
     sim.keep(SECOND // SCENES_PER_S // sim.config.tick + 1)
     sim.core.handle(SceneCommand(owner=owner, put=list(put), **more), sim.now)
 
 
-def test_a_move_into_an_obstacle_is_refused_and_possible_again_without_it(sim: Toucher, config: Config) -> None:
+def test_a_move_into_an_obstacle_is_refused_and_possible_again_without_it(sim: ArmedDaemon, config: Config) -> None:
     tell(sim, on_the_way(config, 0.8))
     with pytest.raises(RequestError, match="stone"):
-        sim.move(AWAY)
+        sim.start(AWAY)
     tell(sim, remove=["stone"])
-    sim.move(AWAY)
+    sim.start(AWAY)
     assert sim.core.mode is Mode.MOVING
 
 
-def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_its_way_does_not(sim: Toucher, config: Config) -> None:
-    sim.move(AWAY)
+def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_does_not(sim: ArmedDaemon, config: Config) -> None:
+    sim.start(AWAY)
     sim.keep(20)
     tell(sim, sphere("far", (0.0, 0.8, 0.8)))
     assert sim.core.mode is Mode.MOVING
@@ -89,13 +90,13 @@ def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_its_way_does_no
     assert "motion_stopped" in [event.code for event in sim.core.events]
 
 
-def test_a_map_of_heights_is_an_obstacle_as_any_other(sim: Toucher, config: Config) -> None:
+def test_a_map_of_heights_is_an_obstacle_as_any_other(sim: ArmedDaemon, config: Config) -> None:
     """A column on the way refuses the move, stops one that is under way and a jog; one at the arm is refused."""
     tell(sim, rock(config, 0.8))
     with pytest.raises(RequestError, match="map would come"):
-        sim.move(AWAY)
+        sim.start(AWAY)
     tell(sim, remove=["map"])
-    sim.move(AWAY)
+    sim.start(AWAY)
     sim.keep(20)
     tell(sim, rock(config, 0.9))
     assert sim.core.mode is Mode.HOLDING
@@ -103,7 +104,7 @@ def test_a_map_of_heights_is_an_obstacle_as_any_other(sim: Toucher, config: Conf
 
 
 @pytest.mark.long
-def test_a_jog_stops_before_a_column_and_a_map_inside_the_arm_is_refused(sim: Toucher, config: Config) -> None:
+def test_a_jog_stops_before_a_column_and_a_map_inside_the_arm_is_refused(sim: ArmedDaemon, config: Config) -> None:
     tell(sim, rock(config, 0.6), max_age_s=None)
     scene = Scene.of(config.arm, around=sim.core.obstacles.shapes())
     with_map = ["map" in pair for pair in scene.names.tolist()]
@@ -146,7 +147,7 @@ def test_plans_and_inverse_kinematics_know_a_map(config: Config) -> None:
     assert "map" in answer.bodies
 
 
-def test_maps_have_so_many_heights_in_all(sim: Toucher) -> None:
+def test_maps_have_so_many_heights_in_all(sim: ArmedDaemon) -> None:
     def flat(name: str, count: int) -> ObstacleEntry:
         return ObstacleEntry(
             name=name, shape="heightfield", position_m=[2.0, 2.0, 0.0], cell_m=0.01, columns=count,
@@ -161,8 +162,8 @@ def test_maps_have_so_many_heights_in_all(sim: Toucher) -> None:
     tell(sim, flat("c", 1))
 
 
-def test_an_obstacle_inside_the_arm_is_refused_and_stops_a_motion(sim: Toucher, config: Config) -> None:
-    sim.move(AWAY)
+def test_an_obstacle_inside_the_arm_is_refused_and_stops_a_motion(sim: ArmedDaemon, config: Config) -> None:
+    sim.start(AWAY)
     sim.keep(20)
     with pytest.raises(RequestError, match=r"'stone' would be inside") as refused:
         tell(sim, on_the_way(config, 0.0))
@@ -171,7 +172,7 @@ def test_an_obstacle_inside_the_arm_is_refused_and_stops_a_motion(sim: Toucher, 
     assert not sim.core.obstacles.known
 
 
-def test_a_near_obstacle_gives_no_other_pair_room(sim: Toucher, config: Config) -> None:
+def test_a_near_obstacle_gives_no_other_pair_room(sim: ArmedDaemon, config: Config) -> None:
     scene = Scene.of(config.arm)
     tip = scene.frames(ABOVE[None])[0, -1, :3, 3]
     tell(sim, sphere("near", tip - np.array([0.0, 0.0, 0.055]), 0.02))
@@ -182,7 +183,7 @@ def test_a_near_obstacle_gives_no_other_pair_room(sim: Toucher, config: Config) 
     assert required.min() < scene.margin
 
 
-def test_only_its_owner_changes_an_obstacle_and_old_ones_are_dropped(sim: Toucher) -> None:
+def test_only_its_owner_changes_an_obstacle_and_old_ones_are_dropped(sim: ArmedDaemon) -> None:
     stone = sphere("stone", (0.0, 0.8, 0.8))
     tell(sim, stone, max_age_s=1.0)
     for more in ({}, {"remove": ["stone"]}):
@@ -240,7 +241,7 @@ def test_the_largest_scene_fits_into_the_shared_memory() -> None:
     assert unpacked(shared.read_scene() or b"") == tuple(largest)
 
 
-def test_a_flood_of_scenes_is_refused_before_it_costs_anything(sim: Toucher) -> None:
+def test_a_flood_of_scenes_is_refused_before_it_costs_anything(sim: ArmedDaemon) -> None:
     tell(sim, sphere("stone", (0.0, 0.8, 0.8)))
     with pytest.raises(RequestError, match="10 times a second") as refused:
         sim.core.handle(SceneCommand(owner="map"), sim.now)

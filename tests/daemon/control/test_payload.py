@@ -24,12 +24,13 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.planner import NoPlan, Planner
-from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, PayloadRequest, SceneCommand
+from lrmd.messages.control import JogRequest, PayloadRequest, SceneCommand
 from lrmd.messages.surroundings import ObstacleEntry
 from lrmd.persistence.state_file import StoredState
 from lrmd.safety.collision_guard import CollisionGuard, guard_of
 from lrmd.safety.thermal_model import gravity_torques
 from tests.conftest import TABLE_B2
+from tests.support.daemon.armed_daemon import ArmedDaemon, take
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
 HEAVY = 0.5
@@ -48,36 +49,18 @@ def deployed(config: Config) -> DeployedModel:
     return deploy(config)
 
 
-class LoadedDaemon(SimulatedDaemon):
-    """A simulated daemon with the collision guard of its arm and model, armed at ABOVE."""
+def loaded(config: Config, deployed: DeployedModel) -> ArmedDaemon:
+    """Armed at ABOVE, with the collision guard of its arm and model."""
+    return ArmedDaemon.among(config, guard_of(config.arm, deployed.model), [*ABOVE.values()])
 
-    def __init__(self, config: Config, deployed: DeployedModel) -> None:
-        super().__init__(config)
-        guard = guard_of(config.arm, deployed.model)
-        assert guard is not None
-        self.core.adopt_guard(guard, self.now)
-        self.run(30)
-        lease = self.core.handle(LeaseRequest(action="acquire", holder="test"), self.now).lease
-        assert lease is not None
-        self.token = lease.token
-        self.core.handle(ArmRequest(lease=self.token, where="given", q_rad=ABOVE), self.now)
-        self.keep(60)
-        assert self.core.mode is Mode.ARMED
 
-    def keep(self, ticks: int) -> None:
-        for _ in range(ticks):
-            if self.ticks % 15 == 0:
-                self.core.handle(LeaseRequest(action="renew", lease=self.token), self.now)
-            self.tick()
-
-    def move(self, *waypoints: dict[str, float], payload: float | None = None) -> None:
-        request = MoveRequest(lease=self.token, waypoints=list(waypoints), payload_kg=payload)
-        self.core.handle(request, self.now)
+def move(sim: ArmedDaemon, *waypoints: dict[str, float], payload: float | None = None) -> None:
+    sim.start(*([*way.values()] for way in waypoints), payload_kg=payload)
 
 
 @pytest.fixture
-def sim(config: Config, deployed: DeployedModel) -> LoadedDaemon:
-    return LoadedDaemon(config, deployed)
+def sim(config: Config, deployed: DeployedModel) -> ArmedDaemon:
+    return loaded(config, deployed)
 
 
 def nearest(config: Config, deployed: DeployedModel, q: Array, payload: float) -> float:
@@ -97,30 +80,30 @@ def test_the_load_makes_the_difference_between_clear_and_colliding(config, deplo
     assert nearest(config, deployed, straight(), HEAVY) < 0.0
 
 
-def test_a_move_that_is_clear_empty_and_collides_with_its_load_is_refused(sim: LoadedDaemon) -> None:
+def test_a_move_that_is_clear_empty_and_collides_with_its_load_is_refused(sim: ArmedDaemon) -> None:
     with pytest.raises(RequestError, match="palm and ground would come to") as refused:
-        sim.move(LOW, payload=HEAVY)
+        move(sim, LOW, payload=HEAVY)
     assert refused.value.code == "collision"
     assert sim.core.mode is Mode.ARMED
     assert sim.core.payload == 0.0, "a refused request changes nothing"
-    sim.move(LOW)
+    move(sim, LOW)
     assert sim.core.mode is Mode.MOVING
 
 
-def test_the_load_of_an_earlier_move_counts_for_the_next_one(sim: LoadedDaemon) -> None:
-    sim.move(ABOVE, payload=HEAVY)
+def test_the_load_of_an_earlier_move_counts_for_the_next_one(sim: ArmedDaemon) -> None:
+    move(sim, ABOVE, payload=HEAVY)
     sim.keep(30)
     assert sim.core.mode is Mode.ARMED
     with pytest.raises(RequestError, match="palm and ground"):
-        sim.move(LOW)
+        move(sim, LOW)
 
 
 @pytest.mark.long
 def test_a_jog_stops_higher_above_the_ground_with_a_load(config, deployed) -> None:
     ends = {}
     for payload in (0.0, HEAVY):
-        sim = LoadedDaemon(config, deployed)
-        sim.move({**ABOVE, "joint2": 0.6}, payload=payload)
+        sim = loaded(config, deployed)
+        move(sim, {**ABOVE, "joint2": 0.6}, payload=payload)
         sim.keep(600)
         assert sim.core.mode is Mode.ARMED
         while sim.core.mode is not Mode.HOLDING:
@@ -137,8 +120,8 @@ def test_the_way_to_rest_is_checked_with_the_load(config, deployed) -> None:
     """From ABOVE to a rest pose that is LOW: clear empty, on the ground with the load."""
     low = replace(config, rest=tuple(LOW.values()))
     for payload, blocked in ((0.0, False), (HEAVY, True)):
-        sim = LoadedDaemon(low, deployed)
-        sim.move(ABOVE, payload=payload)
+        sim = loaded(low, deployed)
+        move(sim, ABOVE, payload=payload)
         sim.keep(30)
         sim.core.thermal.temperature = (90.0, *sim.core.thermal.temperature[1:])
         sim.keep(30)
@@ -161,37 +144,37 @@ def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(con
     assert "palm and ground" in refused.text
     path = planner.find(list(high.values()), [list(side.values())], 0, limited)
     assert not isinstance(path, NoPlan), path
-    sim = LoadedDaemon(config, deployed)
-    sim.move(high)
+    sim = loaded(config, deployed)
+    move(sim, high)
     sim.keep(400)
-    sim.move(*(dict(zip(ABOVE, q, strict=True)) for q in path[1:]), payload=HEAVY)
+    move(sim, *(dict(zip(ABOVE, q, strict=True)) for q in path[1:]), payload=HEAVY)
     assert sim.core.mode is Mode.MOVING
 
 
-def carry(sim: LoadedDaemon, payload: float, centre: Sequence[float] = ORIGIN) -> None:
+def carry(sim: ArmedDaemon, payload: float, centre: Sequence[float] = ORIGIN) -> None:
     request = PayloadRequest(lease=sim.token, payload_kg=payload, payload_centre_m=list(centre))
     sim.core.handle(request, sim.now)
 
 
-def test_a_load_is_a_state_that_the_guard_follows_at_once(sim: LoadedDaemon) -> None:
+def test_a_load_is_a_state_that_the_guard_follows_at_once(sim: ArmedDaemon) -> None:
     carry(sim, HEAVY)
     assert sim.core.mode is Mode.ARMED
     assert sim.core.payload == HEAVY
     with pytest.raises(RequestError, match="palm and ground"):
-        sim.move(LOW)
+        move(sim, LOW)
     carry(sim, 0.0)
-    sim.move(LOW)
+    move(sim, LOW)
 
 
-def test_a_load_that_is_told_under_way_stops_a_motion_whose_rest_collides(sim: LoadedDaemon) -> None:
-    sim.move(LOW)
+def test_a_load_that_is_told_under_way_stops_a_motion_whose_rest_collides(sim: ArmedDaemon) -> None:
+    move(sim, LOW)
     sim.keep(10)
     carry(sim, HEAVY)
     assert sim.core.mode is Mode.HOLDING
     assert "motion_stopped" in [event.code for event in sim.core.events]
 
 
-def test_a_load_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: LoadedDaemon) -> None:
+def test_a_load_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: ArmedDaemon) -> None:
     sim.core.motion_check.torques = lambda _, payload, __: (0.0, 10.0 * payload, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(RequestError, match=r"joint2 would hold 20\.00 Nm") as refused:
         carry(sim, 2.0)
@@ -204,7 +187,7 @@ OUTWARDS = (0.0, 0.0, 0.15)
 LIGHTER = 0.4
 
 
-def test_the_guard_follows_the_centre_of_a_load_at_once(sim: LoadedDaemon, config: Config, deployed) -> None:
+def test_the_guard_follows_the_centre_of_a_load_at_once(sim: ArmedDaemon, config: Config, deployed) -> None:
     """The same mass, held further out, sags onto the ground; dropped and grasped at the TCP again it does not."""
     far = replace(deployed, model=with_load_at(deployed.model, OUTWARDS))
     assert nearest(config, deployed, straight(), LIGHTER) > nearest(config, far, straight(), LIGHTER) + 0.002
@@ -215,13 +198,13 @@ def test_the_guard_follows_the_centre_of_a_load_at_once(sim: LoadedDaemon, confi
     assert guard.model is not None
     assert guard.model.arm == config.arm.with_load_at(OUTWARDS)
     with pytest.raises(RequestError, match="palm and ground"):
-        sim.move(LOW)
+        move(sim, LOW)
     carry(sim, 0.0)
     assert sim.core.load_at == ORIGIN
-    sim.move(LOW)
+    move(sim, LOW)
 
 
-def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: LoadedDaemon, config: Config, deployed) -> None:
+def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: ArmedDaemon, config: Config, deployed) -> None:
     carry(sim, 0.1, OUTWARDS)
     expected = config.arm.with_load_at(OUTWARDS)
 
@@ -238,7 +221,7 @@ def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: LoadedDaem
     )
     sim.core.handle(SceneCommand(owner="test", put=[box]), sim.now)
     assert guarded(sim.core) == expected
-    sim.move(ABOVE, payload=0.15)
+    move(sim, ABOVE, payload=0.15)
     assert sim.core.load_at == OUTWARDS
     stored = StoredState.model_validate_json(sim.core.saved(0).model_dump_json(by_alias=True))
     again = Controller(config, gravity_torques(config.arm, config.arm.gravity), stored, sim.core.guard, sim.now, 1)
@@ -246,7 +229,7 @@ def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: LoadedDaem
     assert guarded(again) == expected
 
 
-def test_torques_of_the_thermal_model_have_the_centre(sim: LoadedDaemon, config: Config) -> None:
+def test_torques_of_the_thermal_model_have_the_centre(sim: ArmedDaemon, config: Config) -> None:
     sim.core.motion_check.torques = gravity_torques(config.arm, config.arm.gravity)
     q = sim.core.angles(sim.core.position)[: config.dof]
     for centre in (ORIGIN, OUTWARDS, (0.05, -0.02, 0.0)):
@@ -256,7 +239,7 @@ def test_torques_of_the_thermal_model_have_the_centre(sim: LoadedDaemon, config:
         assert found[:6] == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_centre_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: LoadedDaemon) -> None:
+def test_a_centre_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: ArmedDaemon) -> None:
     """The same mass at the TCP is borne; further out joint 2 would be too hot."""
     sim.core.motion_check.torques = lambda _, payload, centre: (
         0.0,
@@ -279,8 +262,7 @@ def test_an_arm_that_carries_no_load_on_its_tool_has_no_centre_to_state(config: 
     bodies = tuple(body for body in config.arm.bodies if not body.carries_payload)
     sim = SimulatedDaemon(replace(config, arm=replace(config.arm, bodies=bodies)))
     sim.run(30)
-    lease = sim.core.handle(LeaseRequest(action="acquire", holder="test"), sim.now).lease
-    assert lease is not None
+    token = take(sim)
     with pytest.raises(RequestError, match="no body on the tool of lrm-"):
-        sim.core.handle(PayloadRequest(lease=lease.token, payload_kg=0.1, payload_centre_m=[0.01, 0, 0]), sim.now)
-    sim.core.handle(PayloadRequest(lease=lease.token, payload_kg=0.1), sim.now)
+        sim.core.handle(PayloadRequest(lease=token, payload_kg=0.1, payload_centre_m=[0.01, 0, 0]), sim.now)
+    sim.core.handle(PayloadRequest(lease=token, payload_kg=0.1), sim.now)

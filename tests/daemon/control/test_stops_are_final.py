@@ -18,11 +18,11 @@ from lrmd.messages.control import (
     DisarmRequest,
     HoldRequest,
     JogRequest,
-    LeaseRequest,
     MotionRequest,
     MoveRequest,
     RelaxRequest,
 )
+from tests.support.daemon.armed_daemon import ArmedDaemon, take
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
@@ -35,22 +35,10 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
 
 
 @pytest.fixture(scope="module")
-def armed(config: Config) -> tuple[SimulatedDaemon, str]:
-    sim = SimulatedDaemon(config)
-    sim.run(30)
-    token = take(sim)
-    sim.core.handle(ArmRequest(lease=token, where="given", q_rad=HOME), sim.now)
-    for _ in range(14):
-        sim.run(20)
-        sim.core.handle(LeaseRequest(action="renew", lease=token), sim.now)
-    assert sim.core.mode == "armed"
-    return sim, token
-
-
-def take(sim: SimulatedDaemon) -> str:
-    lease = sim.core.handle(LeaseRequest(action="acquire", holder="x", take=True), sim.now).lease
-    assert lease is not None
-    return lease.token
+def armed(config: Config) -> ArmedDaemon:
+    sim = ArmedDaemon(config)
+    sim.arm("given", [0.0] * 6)
+    return sim
 
 
 def estop(sim: SimulatedDaemon, _: str) -> None:
@@ -86,9 +74,9 @@ ORDERS: dict[str, Callable[[str, int], MotionRequest]] = {
     late=st.integers(0, 20),
 )  # fmt: skip
 def test_what_was_asked_for_before_a_stop_moves_nothing_after_it(
-    armed: tuple[SimulatedDaemon, str], stop: str, order: str, moving: int, late: int
+    armed: ArmedDaemon, stop: str, order: str, moving: int, late: int
 ) -> None:
-    sim, token = deepcopy(armed)
+    sim, token = deepcopy(armed), armed.token
     asked = ORDERS[order](token, sim.core.stops)
     if moving and stop != "disarm":
         sim.core.handle(MoveRequest(lease=token, stops=sim.core.stops, waypoints=[{"joint2": 0.3}]), sim.now)

@@ -20,13 +20,13 @@ from lrm_math.model.model import Model, model_of
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
-from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
 from lrmd.messages.surroundings import ContactEntry
 from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.safety.contact_force import permits
 from tests.soak.guard_sequences import FASTER
+from tests.support.daemon.armed_daemon import ArmedDaemon
 from tests.support.daemon.guarded_sequence import MARGIN, GuardedSequence, cluttered_arm
-from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.independent_distances import bodies_apart, link_frames
 from tests.support.sweep import examples, soak
 
@@ -69,40 +69,9 @@ def soft(config: Config) -> Model:
     return model_of(config.arm, effects_at(config.arm, "compliance"), springs)
 
 
-class Toucher(SimulatedDaemon):
-    """A daemon with the guard of the rigid arm, armed at a pose."""
-
-    def __init__(self, config: Config, start: Array) -> None:
-        super().__init__(config)
-        self.core.adopt_guard(CollisionGuard(Scene.of(config.arm), None), self.now)
-        self.run(30)
-        lease = self.core.handle(LeaseRequest(action="acquire", holder="test"), self.now).lease
-        assert lease is not None
-        self.token = lease.token
-        self.core.handle(ArmRequest(lease=self.token, where="given", q_rad=self.named(start)), self.now)
-        self.keep(60)
-        assert self.core.mode is Mode.ARMED
-
-    def named(self, q: Array) -> dict[str, float]:
-        return {f"joint{i}": float(angle) for i, angle in enumerate(q, start=1)}
-
-    def keep(self, ticks: int) -> None:
-        for _ in range(ticks):
-            if self.ticks % 15 == 0:
-                self.core.handle(LeaseRequest(action="renew", lease=self.token), self.now)
-            self.tick()
-
-    def move(self, q: Array, *contacts: ContactEntry) -> float:
-        self.settle()
-        request = MoveRequest(lease=self.token, waypoints=[self.named(q)], may_touch=list(contacts))
-        return self.core.handle(request, self.now).seconds or 0.0
-
-    def arrive(self) -> None:
-        for _ in range(3000):
-            self.keep(5)
-            if self.core.mode is not Mode.MOVING:
-                break
-        assert self.core.mode is Mode.ARMED, self.core.why
+def rigid(config: Config, start: Array) -> ArmedDaemon:
+    """Armed at a pose, with the guard of the rigid arm."""
+    return ArmedDaemon.among(config, CollisionGuard(Scene.of(config.arm), None), start)
 
 
 def test_a_permit_raises_the_distance_of_its_pair_in_its_region_and_of_no_other(scene: Scene, config: Config) -> None:
@@ -120,25 +89,25 @@ def test_a_permit_raises_the_distance_of_its_pair_in_its_region_and_of_no_other(
 
 def test_what_touches_is_permitted_for_the_request_that_says_so_and_is_slow(scene: Scene, config: Config) -> None:
     low = bent(scene, config)
-    sim = Toucher(config, ABOVE)
+    sim = rigid(config, ABOVE)
     with pytest.raises(RequestError, match="fingers and ground") as refused:
-        sim.move(low)
+        sim.start(low)
     assert refused.value.code == "collision"
     with pytest.raises(RequestError, match="fingers and ground"):
-        sim.move(low, replace_pair(GROUND, "palm"))
+        sim.start(low, may_touch=[replace_pair(GROUND, "palm")])
     with pytest.raises(RequestError, match="fingers and ground"):
-        sim.move(low, GROUND.model_copy(update={"high_m": [1.0, 1.0, 0.2], "low_m": [0.9, 0.9, 0.1]}))
-    slow = sim.move(low, GROUND)
+        sim.start(low, may_touch=[GROUND.model_copy(update={"high_m": [1.0, 1.0, 0.2], "low_m": [0.9, 0.9, 0.1]})])
+    slow = sim.start(low, may_touch=[GROUND])
     assert max(sim.core.order.stride[:6]) == config.step // 10
-    sim.arrive()
+    sim.until(Mode.ARMED)
     assert slow > 0.0
     lower = low + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
     pair = number(scene, "fingers", "ground")
     deeper = scene.separations(scene.frames(np.array([low, lower])))[:, pair]
     assert deeper[1] < deeper[0]
     with pytest.raises(RequestError, match="fingers and ground"):
-        sim.move(lower)
-    sim.move(2 * low - lower)
+        sim.start(lower)
+    sim.start(2 * low - lower)
 
 
 def replace_pair(entry: ContactEntry, first: str) -> ContactEntry:
@@ -163,8 +132,8 @@ def test_a_pair_that_touches_gives_no_other_pair_room(scene: Scene, config: Conf
 def test_the_depth_is_what_the_force_allows_by_the_stiffness_and_none_without_a_model(config, scene) -> None:
     low = bent(scene, config)
     permit = ContactPermit("fingers", "ground", (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), 0.02)
-    (rigid,) = permits(scene, None, [Contact(permit, 5.0)], low[None], 0.0)
-    assert rigid.depth == 0.0
+    (stiff,) = permits(scene, None, [Contact(permit, 5.0)], low[None], 0.0)
+    assert stiff.depth == 0.0
     depths = [next(permits(scene, soft(config), [Contact(permit, f)], low[None], 0.0)).depth for f in (0.1, 0.2, 50.0)]
     assert depths[1] == pytest.approx(2 * depths[0])
     assert depths[2] == 0.02

@@ -33,7 +33,7 @@ from lrmd.messages.kinematics import PlanRequest
 from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.safety.stability import Stability, stability_of
 from tests.daemon.control.test_known_obstacles import AWAY
-from tests.daemon.safety.test_contact import ABOVE, Toucher, soft
+from tests.daemon.safety.test_contact import ABOVE, rigid, soft
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.sweep import examples
 
@@ -92,15 +92,15 @@ def test_a_daemon_refuses_what_would_tip_it_and_only_where_it_is_told_to() -> No
     assert here > least + np.radians(1.0)
     assert stability_of(plain, model) is None
     config = on_wheels(lowest + 0.5)
-    sim = Toucher(config, AWAY)
-    sim.move(ABOVE)
-    sim = Toucher(config, AWAY)
+    sim = rigid(config, AWAY)
+    sim.start(ABOVE)
+    sim = rigid(config, AWAY)
     keeping = CollisionGuard(Scene.of(config.arm), None, stability=stability_of(config, model))
     sim.core.adopt_guard(keeping, sim.now)
     with pytest.raises(
         RequestError, match=r"the vehicle would be .* deg from tipping over at .*must be kept"
     ) as refused:
-        sim.move(ABOVE)
+        sim.start(ABOVE)
     assert refused.value.code == "tip_over"
     assert refused.value.detail["tip_over_rad"] < np.radians(lowest + 0.5)
     rates = sim.named(0.2 * (ABOVE - AWAY) / np.abs(ABOVE - AWAY).max())
@@ -116,7 +116,7 @@ def test_a_daemon_refuses_what_would_tip_it_and_only_where_it_is_told_to() -> No
     assert angles.min() < here - np.radians(0.2)
     roomy = replace(keeping, stability=replace(keeping.stability, keep=least - 1e-3))  # type: ignore[type-var]
     sim.core.adopt_guard(roomy, sim.now)
-    sim.move(ABOVE)
+    sim.start(ABOVE)
     sim.keep(20)
     assert sim.core.mode is Mode.MOVING
     sim.core.handle(PayloadRequest(lease=sim.token, payload_kg=0.15), sim.now)

@@ -33,6 +33,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.ident.diagnosis.test_diagnose import base_fit
 from tests.support.sweep import examples, soak
 from validation.hidden_effects.case import FAULTS, FIRST_SEED
 from validation.hidden_effects.data import ARM_FILE, NOISE_M, spoiled
@@ -95,11 +96,6 @@ def measured(seed: int, *effects: HiddenEffect, sessions: int = 1, count: int = 
     tcp = measure(described, truth, q, load, NOISE, seed, plan)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s, session if sessions > 1 else None, number=number)
     return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
-
-
-def base_fit(arm: Arm, data: Measurements) -> Model:
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    return fit_identifiable(model, data, model.keys).fit.model
 
 
 @pytest.mark.slow

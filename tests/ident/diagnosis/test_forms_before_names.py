@@ -30,7 +30,8 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, variants
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import model_of
+from tests.ident.diagnosis.test_diagnose import base_fit
 from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
 from validation.hidden_effects.data import ARM_FILE
@@ -122,11 +123,6 @@ def refitted(arm: Arm, data: Measurements) -> Fit:
     """The base fit, as every step makes it."""
     model = base_fit(arm, data)
     return fit(model, data, prior=typical_prior(model))
-
-
-def base_fit(arm: Arm, data: Measurements) -> Model:
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    return fit_identifiable(model, data, model.keys).fit.model
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ def test_axe_finds_nothing_in_a_report_with_everything_unfolded(browser: Any, sm
     page = opened(browser, small, SIZE)
     idle(page, RANKED)
     page.goto(f"{small.origin}/lrm/report")
-    page.wait_for_selector("#lrm-ranking button")
+    page.wait_for_selector("#lrm-ranking label")
     page.locator("#lrm-what-if-size").press("End")
     page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
     found = faults(page, "report", lambda: page.click("#lrm-theme"))

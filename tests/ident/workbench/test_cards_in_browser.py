@@ -68,7 +68,7 @@ def test_page_one_names_what_cannot_be_told_apart_and_what_is_next(browser: Any,
     stdout_of("report", model, data, "-o", report)
     page = browser.new_page()
     page.goto(report.as_uri())
-    page.wait_for_selector("#lrm-ranking button")
+    page.wait_for_selector("#lrm-ranking label")
     verdict, following = page.inner_text("#lrm-verdict"), page.inner_text("#lrm-next")
     first, second = page.evaluate("lrm.state.values.ranking.slice(0, 2).map((one) => [one.title, one.verdict])")
     assert (first[1], second[1]) == ("indistinguishable", "indistinguishable")

@@ -72,7 +72,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
         page.click("[data-name=next]")
     page.wait_for_selector(".lrm-tour", state="hidden")
     idle(page, RANKED)
-    first = page.inner_text('.lrm-candidate[aria-checked="true"]')
+    first = page.inner_text(".lrm-candidate:has(:checked)")
     assert "backlash@joint2" in first
     assert "Missing from the model: backlash in joint 2" in page.inner_text("#lrm-verdict")
     shot(page, "before.png")
@@ -118,7 +118,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     fits += "[...document.querySelectorAll('.lrm-head [data-name]')].every("
     fits += "(one) => { const r = one.getBoundingClientRect(); return r.bottom <= innerHeight || !r.height; })"
     assert dark.evaluate(fits), "buttons are off the screen, or the page is wider than it"
-    dark.focus(".lrm-candidate")
+    dark.focus(".lrm-candidate input")
     dark.keyboard.press("ArrowDown")
     dark.keyboard.press("ArrowDown")
     chosen = dark.evaluate("lrm.state.candidate")

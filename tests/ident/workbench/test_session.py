@@ -18,7 +18,7 @@ import pytest
 from lrm_ident.cli.app import COMMANDS
 from lrm_ident.workbench.gate import Gate
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.session_state import commands_text
+from lrm_ident.workbench.taken_steps import commands_text
 from lrm_ident.workbench.work.session_files import follow_file, keep_dropped, task_for
 from lrm_ident.workbench.work.tasks import DiagnoseTask, OpenTask
 from lrm_ident.workbench.work.worker import WorkProcess

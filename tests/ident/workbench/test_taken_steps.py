@@ -8,7 +8,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.workbench.session_state import TakenSteps, with_step, with_undone, without_last
+from lrm_ident.workbench.taken_steps import TakenSteps, with_step, with_undone, without_last
 from lrm_ident.workbench.work.tasks import AddTask, AutoTask, DoneCommand, OpenFiles, OpenTask, StepResult, StepView
 
 DATA = Path("data.csv")

@@ -21,6 +21,7 @@ from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
 from lrm_math.collision.straight_move import check_path, rigid_bodies
 from lrmd.config import Config, load_config
+from tests.soak.hostile.estop_client import foreign
 from tests.soak.hostile.trial import Trial
 from tests.support.daemon.daemon_process import ROOT, wait_for
 from tests.support.daemon.pulse_invariants import read_frames
@@ -133,11 +134,7 @@ class Stranger:
 @contextmanager
 def stranger(trial: Trial) -> Iterator[Stranger]:
     """A stranger at a daemon whose own client keeps still."""
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", f'["{trial.setup.endpoint}"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    with trial.alone(), zenoh.open(config) as session:
+    with trial.alone(), zenoh.open(foreign(trial.setup.endpoint)) as session:
         yield Stranger(trial, session)
 
 

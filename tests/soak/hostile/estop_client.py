@@ -20,16 +20,21 @@ SETTLING_S = 0.2
 """After the connection is made: whoever has the stop at hand is connected before he needs it."""
 
 
-def serve(endpoint: str, key: str) -> None:
-    """Reads lines until its input ends."""
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+def foreign(endpoint: str) -> zenoh.Config:
+    """The settings that a foreign client has."""
     config = zenoh.Config()
     for place, value in {
         "mode": '"client"', "connect/endpoints": f'["{endpoint}"]', "scouting/multicast/enabled": "false",
     }.items():  # fmt: skip
         config.insert_json5(place, value)
-    with zenoh.open(config) as session:
+    return config
+
+
+def serve(endpoint: str, key: str) -> None:
+    """Reads lines until its input ends."""
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    with zenoh.open(foreign(endpoint)) as session:
         publisher = session.declare_publisher(key, express=True)
         time.sleep(SETTLING_S)
         print("ready", flush=True)

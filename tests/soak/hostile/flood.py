@@ -14,6 +14,7 @@ from pathlib import Path
 import msgpack
 import zenoh
 
+from tests.soak.hostile.estop_client import foreign
 from tests.soak.hostile.stuffing import CONTENTS, TEXTS, deployed
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -150,13 +151,8 @@ FLOODS: dict[str, tuple[str, ...]] = {
 
 def flood(endpoint: str, kind: str, seconds: float, robot: str = "rover") -> int:
     """Floods for a time with the settings that a foreign client has; how many rounds it came to."""
-    config = zenoh.Config()
-    for place, value in {
-        "mode": '"client"', "connect/endpoints": f'["{endpoint}"]', "scouting/multicast/enabled": "false",
-    }.items():  # fmt: skip
-        config.insert_json5(place, value)
     rng, end, rounds = random.Random(kind), time.monotonic() + seconds, 0
-    with zenoh.open(config) as session:
+    with zenoh.open(foreign(endpoint)) as session:
         act = partial(KINDS[kind], session, robot, rng)
         while time.monotonic() < end:
             act()

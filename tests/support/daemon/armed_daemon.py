@@ -3,29 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+from lrm_math.arrays import Array
 from lrm_math.kinematics.known import Known
 from lrmd.config import SECOND, Config
 from lrmd.control.motion_record import known_of
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import ArmRequest, DisarmRequest, LeaseRequest, MoveRequest
 from lrmd.persistence.state_file import StoredState
+from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.sim.board import SimulatedBoard
 from tests.support.daemon.in_memory_daemon import WALL, SimulatedDaemon
 
 
+def take(sim: SimulatedDaemon) -> str:
+    """The token of the lease, whoever has it."""
+    lease = sim.core.handle(LeaseRequest(action="acquire", holder="test", take=True), sim.now).lease
+    assert lease is not None
+    return lease.token
+
+
 class ArmedDaemon(SimulatedDaemon):
-    """Not armed at first; without a guard."""
+    """Not armed at first; without a guard, unless `among` gives one."""
 
     def __init__(
-        self, config: Config, stored: StoredState | None = None, board: SimulatedBoard | None = None, now: int = SECOND
-    ) -> None:
-        super().__init__(config, stored=stored, now=now)
+        self, config: Config, stored: StoredState | None = None, board: SimulatedBoard | None = None, now: int = SECOND,
+        torque: tuple[float, ...] = (0.0,) * 6,
+    ) -> None:  # fmt: skip
+        super().__init__(config, stored=stored, now=now, torque=torque)
         self.token = ""
         if board is not None:
             self.board = board
             self.outputs = self._pulses()
         self.keep(30)
+
+    @classmethod
+    def among(cls, config: Config, guard: CollisionGuard | None, start: Sequence[float] | Array) -> ArmedDaemon:
+        """Armed at a pose (rad), with a guard."""
+        assert guard is not None
+        sim = cls(config)
+        sim.core.adopt_guard(guard, sim.now)
+        sim.arm("given", start)
+        return sim
 
     def keep(self, ticks: int) -> None:
         """Lets time pass, and keeps the lease."""
@@ -34,12 +54,14 @@ class ArmedDaemon(SimulatedDaemon):
                 self.core.handle(LeaseRequest(action="renew", lease=self.token), self.now)
             self.tick()
 
-    def arm(self, where: str, q: Sequence[float] | None = None) -> None:
+    def named(self, q: Sequence[float] | Array) -> dict[str, float]:
+        """Angles (rad) by joint."""
+        return {name: float(angle) for name, angle in zip(self.config.names, q, strict=False)}
+
+    def arm(self, where: str, q: Sequence[float] | Array | None = None) -> None:
         """Switches the joints on; `q`: rad, where it is given."""
-        lease = self.core.handle(LeaseRequest(action="acquire", holder="test", take=True), self.now).lease
-        assert lease is not None
-        self.token = lease.token
-        angles = {} if q is None else dict(zip(self.config.names, q, strict=False))
+        self.token = take(self)
+        angles = {} if q is None else self.named(q)
         names = list(self.config.names[: self.config.dof]) if where == "stored" else None
         self.core.stored = self.core.saved(WALL)
         self.core.handle(ArmRequest(lease=self.token, where=where, q_rad=angles, servos=names), self.now)  # type: ignore[arg-type]
@@ -50,11 +72,11 @@ class ArmedDaemon(SimulatedDaemon):
         self.core.handle(DisarmRequest(lease=self.token), self.now)
         self.keep(30)
 
-    def start(self, *waypoints: Sequence[float]) -> None:
-        """Begins to move through angles (rad) of the joints."""
+    def start(self, *waypoints: Sequence[float] | Array, **more: Any) -> float:
+        """Begins to move through angles (rad) of the joints; s that it takes. `more`: fields of the request."""
         self.settle()
-        ways = [dict(zip(self.config.names, q, strict=False)) for q in waypoints]
-        self.core.handle(MoveRequest(lease=self.token, waypoints=ways), self.now)
+        request = MoveRequest(lease=self.token, waypoints=[self.named(q) for q in waypoints], **more)
+        return self.core.handle(request, self.now).seconds or 0.0
 
     def go(self, *waypoints: Sequence[float]) -> None:
         """Moves there, and waits."""

@@ -53,7 +53,6 @@ class FixedStartSolver:
         return self.solver.model_sha256
 
     def solve(self, goal: Goal, near: Sequence[float], payload: float) -> GoalCommand | str:
-        """See `GoalSolver`."""
         return self.solver.solve(goal, self.start[goal.position], payload)
 
 

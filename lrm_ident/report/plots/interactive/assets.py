@@ -22,8 +22,8 @@ TOLD, BESIDE, BELOW = (FOLDER / "page" / "panels.html").read_text(encoding="utf-
 """Of page and report: the words of the verdict, to be formatted; the panels beside them; those below."""
 NAMES = (
     "charts/chart", "page/glossary", "page/sketches", "scene/pen", "scene/axes", "scene/arrows", "scene/solids",
-    "scene/scene", "page/brush", "charts/candidates", "page/story", "page/steps", "scene/field", "page/pose",
-    "charts/turn", "page/controls", "page/figures",
+    "scene/scene", "page/brush", "charts/candidates", "page/story", "page/steps", "scene/field",
+    "page/controls", "page/figures",
 )  # fmt: skip
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""

@@ -50,14 +50,14 @@ def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: S
     Args:
         explained: (n,), of every covariate of `known`. joints: those to choose from.
     """
-    most = max(float(squares[joint]) for squares in explained for joint in joints)
+    most = max((float(squares[joint]) for squares in explained for joint in joints), default=0.0)
     near = [
         (one.joint != joint, -float(squares[joint]), joint, one.name)
         for squares, one in zip(explained, known, strict=True)
         for joint in joints
         if squares[joint] >= AS_MUCH * most
     ]
-    *_, joint, name = min(near, default=(True, 0.0, joints[0], known[0].name))
+    *_, joint, name = min(near, default=(True, 0.0, joints[0], known[0].name if known else ""))
     return joint, name
 
 

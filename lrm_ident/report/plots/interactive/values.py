@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import UNSEEN, in_mm, p_words, quantity
+from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES
@@ -18,10 +18,12 @@ from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
-from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, of_data, rivals
-from lrm_ident.report.story import GEOMETRY, Story
+from lrm_ident.report.step_card import AS_WELL, StepCard, of_data, rivals
+from lrm_ident.report.story import GEOMETRY, StoryStep
+from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_math.arm.arm_file import MM
 from lrm_math.effects.reference import EffectRef
 from lrm_math.model.step_name import FIT
 
@@ -45,10 +47,14 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     known = {} if found.diagnosis is None else found.diagnosis.values
     following = () if found.conclusion is None else found.conclusion.next
     commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
-    history, sha256 = found.file.history, found.poses.sha256
+    history, sha256, story = found.file.history, found.poses.sha256, found.story
+    turns, lever = found.field.steps[-1].turns, found.field.lever
+    left = [explained_by_means(turns, lever, one.values) for one in found.covariates]
+    joint, driver = shown_most(left, found.covariates, range(len(lever)))
+    steps = [{**plain(one), "left": in_mm(one.rms_mm * MM)} for one in story.steps] if story else []
+    cards = zip(found.cards, story.later if story else (), found.attributions, strict=True)
     return {
-        **_poses(found.field, found.poses),
-        **_arms(found.field),
+        **_drawn(found.field, found.poses),
         "drivers": [
             {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
         ],
@@ -60,20 +66,20 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             for entry, step in zip(history, found.field.steps, strict=False)
         ],
         "unseen": UNSEEN,
-        "story": None if found.story is None else _story(found.story),
-        "cards": [_card(found, *each) for each in zip(found.cards, found.falls, found.attributions, strict=True)],
+        "story": None if story is None else {**plain(story), "steps": steps, "facts": story.facts},
+        "cards": [_card(found, story is not None and story.held_out, *each) for each in cards],
         "floor": found.floor_mm,
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
-        "where": _where(found),
+        "where": {"joint": joint, "driver": driver},  # shown first: the chart that shows most of what the model leaves
         "next": "" if commands else known.get("next_poses_hint", ""),
         "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
 
-def _poses(field: ErrorField, data: Measurements) -> dict[str, Any]:
-    """The drawn poses, in degrees, g and mm."""
+def _drawn(field: ErrorField, data: Measurements) -> dict[str, Any]:
+    """The drawn poses, in degrees, g and mm; both arms at them; the scale of the arrows."""
     fair = fair_rows(field.steps[-1].residual, field.poses)
     return {
         "pose": data.pose.tolist(),
@@ -84,12 +90,6 @@ def _poses(field: ErrorField, data: Measurements) -> dict[str, Any]:
         "load": rounded(data.poses.payload * 1e3, 1),
         "session": None if data.poses.session is None else rounded(data.poses.session, 0),
         "tcp": rounded(np.where(np.isnan(data.tcp), field.bent[:, -1], data.tcp) * 1e3, UM),
-    }
-
-
-def _arms(field: ErrorField) -> dict[str, Any]:
-    """Both arms at the drawn poses, and the scale of the arrows, in mm."""
-    return {
         "nominal": rounded(field.nominal * 1e3, 1),
         "bent": rounded(field.bent * 1e3, 1),
         "solids": {
@@ -130,42 +130,31 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     }
 
 
-def _story(story: Story) -> dict[str, Any]:
-    """The story in words of the screen; errors in mm."""
-    steps = [{**plain(one), "left": in_mm(one.rms_mm * 1e-3)} for one in story.steps]
-    return {**plain(story), "steps": steps, "facts": [[*fact] for fact in story.facts]}
-
-
-def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttribution | None) -> dict[str, Any]:
+def _card(
+    found: ModelReport, held_out: bool, card: StepCard, fall: StoryStep, shown: StepAttribution | None
+) -> dict[str, Any]:
     """A card with the errors of its step, and what that shows: an identified cause, a candidate, or none."""
-    kind, floor = None if shown is None else shown.kind, found.floor_mm
+    kind, floor, before, after = None if shown is None else shown.kind, found.floor_mm, fall.before_rms_mm, fall.rms_mm
+    excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
     known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
     judged = (found.judged or {}).get(card.number - 1)
     own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
     return {
         **own,
-        **plain(fall),
-        "fall": fall.words,
+        "before": before,
+        "after": after,
+        "held_out": held_out,
+        "fall": arrow(before * MM, after * MM),
         "sketch": words_of(card.name, "sketch"),
-        "share": fall.share_of_excess(floor),
+        "share": None if excess is None else min(max(excess, 0.0), 1.0),
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
         "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.evidence.equivalent],
         "asked": judged is not None or card.evidence.rivals is not None,
-        "unrivalled": kind == "finding" and fall.held_out and card.unrivalled(fall.after),
+        "unrivalled": kind == "finding" and held_out and card.unrivalled(after),
     }
-
-
-def _where(found: ModelReport) -> dict[str, Any]:
-    """The joint and the driver that are shown first: those whose chart shows most of what the model leaves."""
-    field, known = found.field, found.covariates
-    if not known:
-        return {"joint": 0, "driver": ""}
-    left = [explained_by_means(field.steps[-1].turns, field.lever, one.values) for one in known]
-    joint, driver = shown_most(left, known, range(len(field.lever)))
-    return {"joint": joint, "driver": driver}
 
 
 def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The gate of plausibility that an imported arm passes, and the person who knows better."""
+"""The gate of plausibility that an imported arm passes, who knows better, and the file that `arm new` writes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from lrm_ident.data.robot_files.arm_text import template
+from lrm_math.arm.arm_file import read_arm
 from tests.support.broken_output import closed_pipe
 from tests.support.commands import run_command, stderr_of, stdout_of
 
@@ -128,3 +130,15 @@ def test_an_arm_on_a_wall_is_told_where_down_is(said: str, rule: str, tmp_path: 
     if not rule:
         assert "gravity_m_per_s2 = [9.81, 0.0, 0.0]" in arm.read_text()
         assert "gravity is 9.81, 0, 0 m/s2 along x, y, z of 'base'" in stderr
+
+
+def test_the_shapes_in_its_comments_are_shapes_when_the_marks_are_taken_away(tmp_path: Path) -> None:
+    text = template("my-arm")
+    start = text.index("# [[capsule]]")
+    shaped = text[:start] + "\n".join(line.removeprefix("#").strip() for line in text[start:].splitlines())
+    for name, written, capsules, boxes in (("plain", text, 0, 0), ("shaped", shaped, 1, 1)):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(written, encoding="utf-8")
+        arm = read_arm(path)
+        assert arm.name == "my-arm"
+        assert (len(arm.shapes.capsules), len(arm.shapes.boxes)) == (capsules, boxes)

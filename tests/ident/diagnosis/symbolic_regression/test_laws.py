@@ -21,7 +21,6 @@ from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
 from lrm_ident.diagnosis.symbolic_regression.search import LawColumns, LawSearch, search_laws
 from lrm_ident.fitting.effect_plugins import effects_in, file_of, sha256_of
-from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.report.diagnosis.course import proposal_document
 from lrm_ident.residual.error_breakdown import HeldOutResidual
@@ -33,9 +32,10 @@ from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import model_of
 from lrm_math.model.model_file import load_model
 from lrm_math.model.step_name import ADD, FIT, StepName
+from tests.ident.diagnosis.test_diagnose import base_fit
 from tests.support.commands import stdout_of
 from tests.support.sweep import examples, seeds
 from validation.hidden_effects.case import Case, hidden, nothing, on
@@ -48,11 +48,6 @@ def some_poses(seed: int, count: int = 40) -> tuple[Poses, Array]:
     q = rng.uniform(-1.7, 1.7, (count, 3))
     load, side = rng.choice([0.0, 0.07], count), np.sign(rng.normal(size=(count, 3)))
     return Poses(q, load, side, np.linspace(0.0, 900.0, count)), rng.normal(size=(count, 3))
-
-
-def base_fit(arm: Arm, data: Measurements) -> Model:
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    return fit_identifiable(model, data, model.keys).fit.model
 
 
 SUM = on("three-joint", hidden("report", "sum", None, lambda _: FormulaJoint(2, 0.02, "np.sin(q[1] + q[3])")))

@@ -138,22 +138,18 @@ class StandingArm:
     went: list[int] = field(default_factory=list)
 
     def go(self, pose: PlannedPose) -> ArmState:
-        """See `CampaignArm`."""
         if pose.number == 2:
             raise Unreachable("joint 1 would leave its limits")
         self.went.append(pose.number)
         return ArmState(tuple(q + 1e-3 for q in pose.q), (1,) * ARM.dof, 30.0, 1)
 
     def commanded(self) -> tuple[float, ...]:
-        """See `CampaignArm`."""
         return (0.0,) * ARM.dof
 
     def disturbed(self) -> str:
-        """See `CampaignArm`."""
         return "elbow_flex was moved" if self.went == [1, 3] else ""
 
     def too_warm(self) -> str:
-        """See `CampaignArm`."""
         return ""
 
     def cool(self, rest: PlannedPose) -> None:
@@ -167,7 +163,6 @@ class NoTime:
     """A clock that does not wait."""
 
     def now(self) -> float:
-        """See `Clock`."""
         return 0.0
 
     def sleep(self, seconds: float) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
+from examples.so101.dynamixel_bus import DynamixelServo
 from examples.so101.feetech_servo import STEP
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.servo_arm import TORQUE, ServoArm
@@ -14,10 +16,10 @@ from lrm_ident.measuring.servo_bus import dynamixel as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
 from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL, DynamixelPacket
 from lrm_ident.measuring.servo_bus.kind import Instruction, PacketReader
-from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
-from tests.ident.measuring.feetech.test_feetech_servos import BusLine
+from tests.ident.measuring.feetech.test_feetech_servos import held, refusal
+from tests.ident.measuring.feetech.test_feetech_servos import line_of as feetech_line_of
 
 pytestmark = pytest.mark.usefixtures("hurried")
 ARM = load_arm("so101")
@@ -27,12 +29,7 @@ PACKETS = st.builds(DynamixelPacket, st.integers(0, 0xFC), st.sampled_from(list(
 ANGLES = st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5)
 
 
-def line_of(*numbers: int, echo: bool = False) -> BusLine:
-    return BusLine(DynamixelBus([DynamixelServo(number) for number in numbers]), echo=echo)
-
-
-def held(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> BusServos:
-    return held_servos("dynamixel:/dev/x", ServoHost(line, DYNAMIXEL), ARM, numbers)
+line_of = partial(feetech_line_of, kind="dynamixel")
 
 
 @pytest.mark.parametrize(
@@ -67,18 +64,6 @@ def test_a_packet_with_a_flipped_bit_is_none(packet: DynamixelPacket, bit: int, 
     assert packet not in list(PacketReader(DynamixelPacket).feed(bytes(frame)))
 
 
-@given(ANGLES, st.booleans())
-def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], echo: bool) -> None:
-    line = line_of(1, 2, 3, 4, 5, 6, echo=echo)
-    for servo, angle in zip(line.bus.servos, angles, strict=False):
-        servo.angle = round(angle / STEP) * STEP
-    servos = held(line)
-    line.sleep(5.0)
-    assert servos.angles() == pytest.approx([round(angle / STEP) * STEP for angle in angles])
-    assert all(servos.powered().values())
-    assert not line.bus.servos[5].powered
-
-
 @pytest.mark.long
 @given(ANGLES)
 def test_an_arm_goes_where_it_is_sent_with_bounded_torque(goal: list[float]) -> None:
@@ -94,35 +79,19 @@ def test_an_arm_goes_where_it_is_sent_with_bounded_torque(goal: list[float]) -> 
     assert 20.0 < arm.temperature() < 40.0
 
 
-def refusal(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> str:
-    with pytest.raises(LrmError) as caught:
-        held(line, numbers)
-    assert "\n" not in str(caught.value)
-    assert not any(servo.powered for servo in line.bus.servos)
-    return str(caught.value)
-
-
-@pytest.mark.long
-def test_a_missing_motor_a_wrong_number_another_model_and_another_mode() -> None:
-    assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
-    assert "servo 9 does not answer; on the bus are 1, 2, 3, 4, 5" in refusal(line_of(*NUMBERS), (1, 2, 3, 4, 9))
-    for register, value, words in (
+@pytest.mark.parametrize(
+    ("register", "value", "words"),
+    [
         (table.MODEL, 777, "servo 2 is of model 777; should be XL330-M077"),
         (table.OPERATING_MODE, 4, "servo 2 is in mode 4; should be 3 or 5, which goes to angles"),
-    ):
-        line = line_of(*NUMBERS)
-        servo = line.bus.servos[1]
-        assert isinstance(servo, DynamixelServo)
-        register.write(servo.control, value)
-        assert words in refusal(line)
-
-
-@pytest.mark.long
-@given(st.floats(0.01, 3.0), st.integers(0, 4))
-def test_two_servos_of_one_number(apart: float, which: int) -> None:
-    line = line_of(*NUMBERS, NUMBERS[which])
-    line.bus.servos[5].angle = apart
-    assert f"the answer of servo {NUMBERS[which]} is garbled: two servos have this number?" in refusal(line)
+    ],
+)
+def test_another_model_and_another_mode(register: table.Register, value: int, words: str) -> None:
+    line = line_of(*NUMBERS)
+    servo = line.bus.servos[1]
+    assert isinstance(servo, DynamixelServo)
+    register.write(servo.control, value)
+    assert words in refusal(line)
 
 
 def test_what_a_servo_refuses_is_said() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import STEP, FeetechServo
 from lrm_ident.measuring.campaign.plan import PlannedPose
@@ -15,6 +17,7 @@ from lrm_ident.measuring.campaign.run import Unreachable
 from lrm_ident.measuring.campaign.servo_arm import SPEED, TICK_S, TORQUE, ServoArm
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
@@ -66,24 +69,32 @@ class BusLine:
         self.t += seconds
 
 
-def line_of(*numbers: int, echo: bool = False) -> BusLine:
-    return BusLine(FeetechBus([FeetechServo(number) for number in numbers]), echo=echo)
+BUSES = {"feetech": (FEETECH, FeetechBus, FeetechServo), "dynamixel": (DYNAMIXEL, DynamixelBus, DynamixelServo)}
+on_both = pytest.mark.parametrize("kind", BUSES)
+
+
+def line_of(*numbers: int, echo: bool = False, kind: str = "feetech") -> BusLine:
+    _, bus, servo = BUSES[kind]
+    return BusLine(bus([servo(number) for number in numbers]), echo=echo)
 
 
 def held(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> BusServos:
-    return held_servos("feetech:/dev/x", ServoHost(line, FEETECH), ARM, numbers)
+    kind = next(kind for kind, (_, bus, _) in BUSES.items() if type(line.bus) is bus)
+    return held_servos(f"{kind}:/dev/x", ServoHost(line, BUSES[kind][0]), ARM, numbers)
 
 
 def pose(q: list[float], approach: int = 0) -> PlannedPose:
     return PlannedPose(1, tuple(q), 0.0, (approach,) * len(q), 1)
 
 
-@given(ANGLES, st.booleans())
-def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], echo: bool) -> None:
-    line = line_of(1, 2, 3, 4, 5, 6, echo=echo)
+@on_both
+@given(angles=ANGLES, echo=st.booleans())
+def test_torque_comes_where_they_stand_and_moves_nothing(kind: str, angles: list[float], echo: bool) -> None:
+    line = line_of(1, 2, 3, 4, 5, 6, echo=echo, kind=kind)
     for servo, angle in zip(line.bus.servos, angles, strict=False):
         servo.angle = round(angle / STEP) * STEP
-        table.GOAL_POSITION.write(servo.memory, 3000)
+        if kind == "feetech":
+            table.GOAL_POSITION.write(servo.memory, 3000)
     servos = held(line)
     line.sleep(5.0)
     assert servos.angles() == pytest.approx([round(angle / STEP) * STEP for angle in angles])
@@ -186,18 +197,21 @@ def refusal(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> str:
 
 
 @pytest.mark.long
-def test_a_missing_motor_and_a_wrong_number() -> None:
-    assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
-    wrong = refusal(line_of(1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 9))
-    assert wrong == "--robot feetech:/dev/x: servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6"
-    assert refusal(line_of()).endswith("nor does any other: is the power on, is it the right port?")
+@on_both
+def test_a_missing_motor_and_a_wrong_number(kind: str) -> None:
+    line = partial(line_of, kind=kind)
+    assert refusal(line(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
+    wrong = refusal(line(1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 9))
+    assert wrong == f"--robot {kind}:/dev/x: servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6"
+    assert refusal(line()).endswith("nor does any other: is the power on, is it the right port?")
 
 
 @pytest.mark.long
-@given(st.floats(0.01, 3.0), st.integers(0, 4))
-def test_two_servos_of_one_number(apart: float, which: int) -> None:
+@on_both
+@given(apart=st.floats(0.01, 3.0), which=st.integers(0, 4))
+def test_two_servos_of_one_number(kind: str, apart: float, which: int) -> None:
     numbers = (1, 2, 3, 4, 5)
-    line = line_of(*numbers, numbers[which])
+    line = line_of(*numbers, numbers[which], kind=kind)
     line.bus.servos[5].angle = apart
     assert f"the answer of servo {numbers[which]} is garbled: two servos have this number?" in refusal(line)
 

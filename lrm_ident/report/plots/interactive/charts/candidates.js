@@ -1,8 +1,9 @@
-// Which effect: the list of candidates, the chosen one beside the data, and what it would do at any size. `page`: of figures.js.
+// Which effect: the list of candidates, the chosen one beside the data, what it would do at any size, and where the model
+// fails. `page`: of figures.js.
 "use strict";
 function lrmCandidates(page) {
   const { state, place, fill, words, draw, poseOf, wireScatter } = page;
-  const { colour, range, at, dots, line, titled } = lrmChart;
+  const { colour, binned, range, at, dots, line, titled } = lrmChart;
   const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
@@ -40,6 +41,28 @@ function lrmCandidates(page) {
     ], { xaxis: titled(driver.label), yaxis: titled(`turn of joint ${one.joint + 1}, deg`, { range: range(one.around).limits }) }, wireScatter);
   }
 
+  // Where it fails: the residual as a turn of one joint against a driver.
+  function drawTurn() {
+    const v = state.values, driver = v.drivers.find((d) => d.name === state.driver), step = v.steps[state.step];
+    if (!driver || !step) return;
+    const one = candidate(), all = step.turns[state.joint], rows = page.points(), sample = page.sample();
+    const y = active(state.step, one) ? without(all, one.turns[state.joint]) : all;
+    const means = binned(at(driver.values, sample), at(y, sample));
+    const seen = range(at(y, rows), v.steps[0].turns[state.joint]), marks = { mode: "lines+markers" }; // the range is the same for all steps
+    const traces = [
+      dots("residual, as a turn", at(driver.values, rows), at(y, rows), { color: colour("model"), opacity: 0.55 },
+        { ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>" }),
+      line("its mean", means.x, means.y, { color: colour("ink"), width: 2 }, { ...marks, marker: { symbol: "square", size: 6 } }),
+    ];
+    if (one && state.step === v.steps.length - 1) {
+      const times = size(), says = binned(at(driver.values, sample), at(one.turns[state.joint], sample).map((y) => y === null ? y : times * y));
+      traces.push(line(`what ${one.title} would explain`, says.x, says.y, { color: colour("held"), width: 3, dash: "dash" },
+        { ...marks, marker: { symbol: "diamond", size: 7 } }));
+    }
+    const beyond = seen.beyond ? ` (${seen.beyond} beyond)` : "", y_title = `turn of joint ${state.joint + 1}, deg${beyond}`;
+    draw("turn", traces, { xaxis: titled(driver.label), yaxis: titled(y_title, { range: seen.limits }) }, wireScatter);
+  }
+
   function details(one) {
     const { cause, formula, needs, source } = one.about, about = [cause, formula, needs && `Shown by ${needs}.`, source].filter(Boolean);
     return lrmHtml`<p>${one.why}</p>
@@ -56,18 +79,12 @@ function lrmCandidates(page) {
     lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
     const known = v.ranking.filter((one) => one.gain !== null), above = (one) => v.floor === null ? 0 : one.heldOut + one.gain - v.floor;
-    const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9), chosen = v.ranking.findIndex((one) => one.name === state.candidate);
-    const list = fill("ranking", lrmHtml`${v.ranking.map((one, number) => lrmHtml`<button type="button" class="lrm-candidate lrm-${one.standing}" role="radio" aria-checked="${number === chosen}"
-        tabindex="${number === Math.max(chosen, 0) ? 0 : -1}" data-name="${one.name}" title="${one.mark}"><span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span>
-        <span class="lrm-mark">${one.mark.split(" ")[0]}</span><span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></button>`)}`);
-    const chooseAndFocus = (name) => { choose(name); list.querySelector('[aria-checked="true"]').focus({ preventScroll: true }); };
-    list.onclick = (event) => { const button = event.target.closest("button"); if (button) chooseAndFocus(button.dataset.name); };
-    list.onkeydown = (event) => {
-      const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-      if (!step) return;
-      event.preventDefault();
-      chooseAndFocus(v.ranking[Math.min(Math.max(chosen + step, 0), v.ranking.length - 1)].name);
-    };
+    const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
+    const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" title="${one.mark}">
+        <input type="radio" name="lrm-candidate" value="${one.name}"${one.name === state.candidate ? lrmHtml` checked` : ""}>
+        <span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
+        <span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></label>`)}`);
+    list.onchange = (event) => { choose(event.target.value); list.querySelector(":checked").focus({ preventScroll: true }); };
   }
 
   // What if the chosen effect had a size: arrows, turns and RMS of the last step without it, linear, before any refit.
@@ -107,9 +124,9 @@ function lrmCandidates(page) {
     input.oninput = () => {
       state.size = Number(input.value);
       said.textContent = says(one);
-      page.drawField(); page.drawTurn(); drawCandidate();
+      page.drawField(); drawTurn(); drawCandidate();
     };
   }
 
-  return { candidate, drawCandidate, drawRanking, drawWhatIf, whatIf: { without, active, rms, size } };
+  return { candidate, drawCandidate, drawTurn, drawRanking, drawWhatIf, whatIf: { without, active, rms, size } };
 }

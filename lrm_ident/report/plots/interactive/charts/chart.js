@@ -87,21 +87,13 @@ function lrmPlainPage(draw) {
   window.addEventListener("afterprint", () => { lrmChart.onPaper(false); theme(onScreen); });
 }
 
-// Charts in view are drawn first, the others when there is nothing else to do; each in a task of its own, so that the page
-// answers in between.
+// Charts are drawn one at a time, the nearest to what is seen first, so that the page answers in between.
 function lrmQueue(page) {
-  const { state, place } = page;
-  const waiting = new Map(), inView = new Set();
-  const watcher = new IntersectionObserver((entries) => {
-    for (const one of entries) inView[one.isIntersecting ? "add" : "delete"](one.target);
-    soon();
-  }, { rootMargin: "200px" });
-  const whenIdle = window.requestIdleCallback || ((run) => setTimeout(run, 500)); // Safari has none
+  const { state, place } = page, waiting = new Map();
 
   function draw(id, traces, options, wire) {
     const figure = place(id);
     if (!figure) return;
-    watcher.observe(figure);
     waiting.set(figure, () => Plotly.react(figure, traces, lrmChart.layout(options), lrmChart.CONFIG).then(() => {
       if (figure.dataset.wired) return;
       figure.dataset.wired = "yes";
@@ -110,22 +102,26 @@ function lrmQueue(page) {
     soon();
   }
 
+  // Out of view they wait until there is nothing else to do; Safari does not say when that is.
+  const away = (figure) => Math.abs(figure.getBoundingClientRect().top + figure.clientHeight / 2 - innerHeight / 2);
+  const here = () => [...waiting.keys()].filter((one) => one.isConnected).sort((a, b) => away(a) - away(b));
+  const whenIdle = window.requestIdleCallback || ((run) => setTimeout(run, 500));
   function soon() {
     if (!soon.asked) soon.asked = setTimeout(() => {
       soon.asked = 0;
-      if (drawWaiting((one) => inView.has(one), 1)) soon();
-      else if (waiting.size) whenIdle(() => { if (drawWaiting(() => true, 1)) soon(); });
+      const [next] = window.Plotly && state.values ? here() : [];
+      const run = () => { here().slice(0, 1).forEach(drawNow); soon(); };
+      if (next && away(next) < innerHeight) run();
+      else if (next) whenIdle(run);
     });
   }
 
-  // Draws charts that wait, `most` of them, and says whether it drew any.
-  function drawWaiting(which, most = Infinity) {
-    if (!window.Plotly || !state.values) return false;
-    for (const one of waiting.keys()) if (!one.isConnected) waiting.delete(one);
-    const now = [...waiting].filter(([one]) => which(one)).slice(0, most);
-    for (const [figure, run] of now) { waiting.delete(figure); run(); }
-    return now.length > 0;
+  function drawNow(figure) {
+    const run = waiting.get(figure);
+    waiting.delete(figure);
+    run();
   }
 
-  return { draw, soon, drawWaiting };
+  const drawAll = () => here().forEach(drawNow);
+  return { draw, soon, drawAll };
 }

@@ -1,8 +1,9 @@
 // Which poses are shown: all, or where these are too many a fair sample, or that and all of the worst; and which are marked
-// in every figure: by a box around them, by a click, by why they are worth a look. In the scene those that pass a filter.
+// in every figure: by a box around them, by a click, by why they are worth a look; in the scene those that pass a filter.
+// The one that is pointed at: its words, both arms, its place in every figure.
 "use strict";
 function lrmBrush(page) {
-  const { state, place, options } = page;
+  const { state, scenes, place, options, words, norm, rowOfPose } = page;
   let open = null;
 
   // Rows of the sample, in measured order.
@@ -33,7 +34,7 @@ function lrmBrush(page) {
 
   // What the scene may be filtered by: a key, its words, its value at a row.
   function kinds() {
-    const v = state.values, error = (row) => page.norm(v.steps[state.step].residual[row]);
+    const v = state.values, error = (row) => norm(v.steps[state.step].residual[row]);
     const joints = v.q[0].map((_, i) => [`q${i}`, `joint ${i + 1}, deg`, (row) => v.q[row][i]]);
     const others = [["load", "load, g"], ["pose", "pose number"], ...(v.session ? [["session", "session"]] : [])];
     return [["", "all poses", () => 0], ["error", "error, mm", error], ...joints,
@@ -58,6 +59,23 @@ function lrmBrush(page) {
     place("filter-low").value = key ? Math.floor(100 * Math.min(...all)) / 100 : "";
     place("filter-high").value = key ? Math.ceil(100 * Math.max(...all)) / 100 : "";
     place("filter-range").hidden = !key;
+  }
+
+  function hover(row) {
+    if (row === undefined || state.values.pose[row] === state.pose) return;
+    state.pose = state.values.pose[row];
+    tell();
+    for (const id of ["field", "field-b"]) scenes[id]?.point(row, page.arms());
+  }
+
+  function tell() {
+    const v = state.values, row = rowOfPose(), input = place("pose"), r = v.steps[state.step].residual[row];
+    if (document.activeElement !== input) input.value = v.pose[row];
+    page.tellFall();
+    page.tellVerdict();
+    follow();
+    place("pose-note").textContent = `pose ${v.pose[row]}: q ${v.q[row].map((a) => a.toFixed(0)).join(" ")} deg, load ${v.load[row]} g, ` +
+      `error ${words(norm(r))} mm (${r.map((c) => (c < 0 ? "" : "+") + c.toFixed(2)).join(" ")})`;
   }
 
   // The controls of the scene follow the values and the pose that are shown.
@@ -97,7 +115,7 @@ function lrmBrush(page) {
 
   // Events of a scatter whose points carry their row in customdata.
   function wireScatter(figure) {
-    figure.on("plotly_hover", (event) => page.hover(event.points[0].customdata));
+    figure.on("plotly_hover", (event) => hover(event.points[0].customdata));
     figure.on("plotly_selected", (event) => {
       if (event) brush(new Set(event.points.map((p) => p.customdata).filter((row) => row !== undefined)
         .map((row) => state.values.pose[row])));
@@ -106,5 +124,5 @@ function lrmBrush(page) {
     figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
   }
 
-  return { sample, points, tellSample, rows, tellRows, filterBy, follow, brush, toggle, marked, poseOf, wireScatter };
+  return { sample, points, tellSample, rows, tellRows, filterBy, hover, tell, follow, brush, toggle, marked, poseOf, wireScatter };
 }

@@ -40,7 +40,7 @@ function lrmPrint(page) {
     else if (print.of) print.of.insertBefore(field, print.before);
     for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
     page.theme(begin ? "light" : print.theme);
-    page.drawWaiting(() => true);
+    if (window.Plotly) page.drawAll();
     lrmChart.onPaper(begin);
     for (const one of Object.values(scenes)) one.draw();
   }
@@ -52,7 +52,7 @@ function lrmPrint(page) {
 const lrm = (() => {
   const PAIR_PX = 600;
   const page = lrmShared(), { state, norm } = page;
-  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField, lrmPose, lrmTurn,
+  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField,
     lrmControls, lrmPrint]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
 

@@ -1,4 +1,5 @@
 // The error field: the scene of the step shown, or of two beside each other, and how the arrows get from step to step.
+// Arms without errors: at the next poses, and those of a running rover.
 "use strict";
 function lrmField(page) {
   const GLIDE_MS = 1000;
@@ -72,5 +73,31 @@ function lrmField(page) {
     return [degrees(Math.atan2(y, x)), degrees(Math.atan2(z, Math.hypot(x, y)))];
   }
 
-  return { drawField, glide, arms, tool };
+  // Arms in a scene of their own, as round links through their frames (mm); their tips are dots.
+  function armsIn(id, title, arms, thick) {
+    const points = arms.flatMap((one) => one.line), tcp = arms.map(({ line }) => line[line.length - 1]);
+    const box = lrmScene.boxOf([...points, ...(scenes[id]?.content.box || [])]); // it grows, so that nothing jumps
+    const radius = thick * Math.hypot(...box[1].map((c, k) => c - box[0][k])), residual = tcp.map(() => [0, 0, 0]);
+    const linked = (one) => ({ ...one, points: one.line, links: one.line.slice(1).map((_, k) => [k, k + 1, radius]) });
+    if (!scenes[id]?.canvas.isConnected) scenes[id] = lrmScene(place(id), { hover() {}, toggle() {}, mark() {} });
+    scenes[id].show({ title, box, tcp, residual, magnification: 1, largest: 1, colours: 2, arms: arms.map(linked) });
+  }
+
+  // The arm at many poses.
+  function nextPoses(lines) {
+    const arms = lines.map((line) => ({ line, solid: true, colour: "model" }));
+    if (lines.length) armsIn("next-arms", `the arm at ${lines.length} poses`, arms, 0.004);
+  }
+
+  // A running daemon: both arms and words; null: no daemon any longer.
+  function rover(told) {
+    place("rover").hidden = !told;
+    if (!told) return;
+    place("rover-words").textContent = told.words;
+    if (!told.bent) return place("rover-arms").replaceChildren();
+    armsIn("rover-arms", "bent arm, nominal outline", [{ line: told.bent, solid: true, colour: "model" },
+      { line: told.nominal, solid: false, colour: "ink" }], 0.02);
+  }
+
+  return { drawField, glide, arms, tool, rover, nextPoses };
 }

@@ -121,10 +121,7 @@ const lrmScene = (() => {
   // Pointer, wheel, fingers and keys on a scene: drag turns it, with shift marks a box of dots, with the right button moves it.
   function wire(canvas, self, on) {
     const NEAR = 9;
-    const place = (event) => {
-      const frame = canvas.getBoundingClientRect();
-      return [event.clientX - frame.left, event.clientY - frame.top];
-    };
+    const place = (event) => [event.offsetX, event.offsetY];
     const nearest = (at) => {
       const near = self.dots.map((p, row) => [Math.hypot(p[0] - at[0], p[1] - at[1]), row]).filter(([d, row]) => d < NEAR && self.seen(row));
       return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : null;

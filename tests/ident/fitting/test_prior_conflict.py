@@ -1,0 +1,43 @@
+"""An arm file that is wrong by more than parts are printed: the fit corrects it, and says so."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import lrm_ident as lrm
+from lrm_ident.fitting.prior_conflict import unusual_dimensions
+from lrm_math.arm.arm_file import shipped_arms
+from tests.conftest import EXAMPLE
+from tests.support.commands import stdout_of
+
+
+def drawn_otherwise(folder: Path, old: str, new: str) -> Path:
+    """The rig's arm file with another dimension."""
+    path = folder / "arm.toml"
+    text = shipped_arms()["lrm-lab"].read_text(encoding="utf-8").replace('"lrm-lab"', '"mine"')
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("extra_z_mm = 103.505", "extra_z_mm = 58.505", {"offsets.joint2.extra_z_mm", "offsets.joint3.d_mm"}),
+        ("alpha_deg = -90.0", "alpha_deg = -80.0", {"offsets.joint2.alpha_rad"}),
+        ("extra_z_mm = 103.505", "extra_z_mm = 104.505", set()),
+    ],
+)
+def test_a_dimension_far_from_the_arm_file_is_named(tmp_path: Path, old: str, new: str, said: set[str]) -> None:
+    data = tmp_path / "data.csv"
+    shutil.copy(EXAMPLE, data)
+    arm = drawn_otherwise(tmp_path, old, new)
+    fitted = lrm.Study.of(lrm.load(data, arm)).fit()
+    assert fitted.taken is not None
+    assert set(unusual_dimensions(fitted.taken.fit)) == said
+    printed = stdout_of("fit", str(data), "--arm", str(arm))
+    assert ("Far from the arm file: " in printed) is bool(said)
+    assert all(f"{key.rpartition('_')[0]} by " in printed for key in said)
