@@ -44,12 +44,12 @@ NOT_YET = "nothing yet: the cause is not certain"
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
-NONE_FOUND = "No missing effect found"
+NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
 HEADLINES = {
-    Verdict.EFFECT_DESCRIBES: "No cause identified: the error is systematic, but these poses do not show why.",
+    Verdict.EFFECT_DESCRIBES: f"{NOT_IDENTIFIED}: the error is systematic, but these poses do not show why.",
     Verdict.NOTHING_MISSING: f"{NONE_FOUND}: no systematic error is left.",
-    Verdict.UNEXPLAINED_STRUCTURE: "No cause identified: the error is systematic, but no known effect explains it.",
-    Verdict.UNPREDICTABLE: "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
+    Verdict.UNEXPLAINED_STRUCTURE: f"{NOT_IDENTIFIED}: the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: f"{NOT_IDENTIFIED}: the error exceeds the noise, but nothing measured predicts it.",
     Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, but the measurement noise is not known, so one may be hidden in it.",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
@@ -126,7 +126,7 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
     quiet = report.verdict.quiet
     return Conclusion(
-        headline=_headline(report, attribution),
+        headline=_of_the_rest(report, _headline(report, attribution)),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
         reasons=(*hopeless, *report.limitations)[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
@@ -153,6 +153,11 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     return f"{MISSING}: {what}"
 
 
+def _of_the_rest(report: DiagnosisReport, headline: str) -> str:
+    """A headline that no cause was identified, of what the causes leave that the model has already."""
+    return headline.replace(NOT_IDENTIFIED, f"{NOT_IDENTIFIED} for the rest") if _has_already(report) else headline
+
+
 def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
     known, words = list(_has_already(report)), HEADLINES[report.verdict]
@@ -172,8 +177,8 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if first.scored.candidate.effect.is_free_form:
         return HEADLINES[Verdict.EFFECT_DESCRIBES]
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
-        return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
-    return "No cause identified: the best effect explains too little of the error to be called its cause."
+        return f"{NOT_IDENTIFIED}: with so few angles of its joint, any function of the angle fits as well."
+    return f"{NOT_IDENTIFIED}: the best effect explains too little of the error to be called its cause."
 
 
 def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
