@@ -274,6 +274,7 @@ def stands(bridge_in_process: InProcessBridge) -> None:
     assert bridge_in_process.person.mode().mode in ("armed", "holding")
 
 
+@pytest.mark.long
 def test_a_goal_that_was_offered_before_others_that_were_refused(bridge_in_process: InProcessBridge) -> None:
     for number in (1, 2, 3):
         bridge_in_process.send("send_goal", goal(number, AWAY))

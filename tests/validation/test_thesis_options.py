@@ -91,6 +91,7 @@ def test_every_option_sees_fifty_poses_and_no_more(method: OptionStudy) -> None:
         assert n[0] + n[1] == pytest.approx(n[2])
 
 
+@pytest.mark.long
 def test_what_is_hidden_does_not_change_what_is_identified(lab: Arm, method: OptionStudy) -> None:
     one = method.of("option1")
     spoiled = method.data.tcp.copy()

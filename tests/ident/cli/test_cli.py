@@ -41,6 +41,7 @@ def test_fit_reports_fit_and_held_out(folder: Path) -> None:
         assert estimate["at_bound"] or estimate["se"] > 0
 
 
+@pytest.mark.long
 def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
     tables = tomllib.loads((folder / "model.toml").read_text())
     assert tables["schema"] == "lrm/model/2"

@@ -66,6 +66,7 @@ def test_rover_keeps_its_distances_and_the_law_of_the_ramp() -> None:
         assert (np.abs(np.diff(pulses)) / np.diff(found.t)).max() <= 1e-6 / 6.5e-3 * (1.0 + 1e-9)
 
 
+@pytest.mark.long
 def test_tells_what_random_moves_do_not(design: MotionDesign) -> None:
     """A delay beside a swing shows in quick starts only; what is promised is what the diagnosis says."""
     assert all(one.told for one in design.pairs)
