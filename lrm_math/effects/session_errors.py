@@ -22,6 +22,7 @@ from lrm_math.effects.base import (
     separately,
 )
 from lrm_math.effects.curves import cubic_b_splines, spline_count
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.effects.targets import FRAME, FRAME_PLACE, SCALE
 from lrm_math.kinematics.poses import Poses
 
@@ -34,6 +35,7 @@ RIGID = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "
 """All six motions of a place and the units of their parameters."""
 TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
+ANEW = "anew_s_per_s"
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
 """Knots are as far apart as `SPACING` times `FAST_S` and the time passed; the last at `LONGEST_S`."""
 _COUNT = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)
@@ -85,7 +87,7 @@ class Drift(_SessionError):
             "Servos and plastic warm up while measuring; angles creep, fast at first, then settle. Base and tracker on "
             "their stands do so as a whole, and all lengths of an arm, or the scale of its tracker, grow."
         ),
-        formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
+        formula="A (1 − exp(−t/T)), t since start or power-on; c (temperature − first temperature) where measured",
         source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
         claim="{place} drifts as it warms up",
         needs="times (t_s), or poses numbered as they were measured; in an order that follows no joint",
@@ -98,7 +100,7 @@ class Drift(_SessionError):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Drift A of each motion, slope c of each with temperature; the time constant T."""
+        """Drift A of each motion, slope c of each with temperature; the time constant T; when it begins."""
         ends = self._motions
         return (
             *(Parameter(f"A{end}_{unit}", f"drift of {self.place}{end}", TYPICAL[unit]) for end, unit in ends),
@@ -109,14 +111,29 @@ class Drift(_SessionError):
             Parameter(
                 "T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(60.0, 300.0, 900.0, 1800.0, 3600.0, 9000.0)
             ),
+            Parameter(ANEW, "share that begins anew with each session", 1.0, 0.0, 1.0, fixed=0.0, scan=(0.0, 1.0)),
         )
 
+    def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
+        """The time constant; of several sessions, whether it was cold again when each began."""
+        once = poses.t is None or poses.running is None or np.ptp(poses.t - poses.running) == 0.0
+        return {name: scan for name, scan in super().shapes_to_try(poses).items() if not (once and name == ANEW)}
+
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """A (1 − exp(−t/T)) + c (temperature − first temperature)."""
+        """A (1 − exp(−t/T)) + c (temperature − first temperature); t since the start, or since the session began."""
         n = len(self.targets)
-        warm = 0.0 if poses.clock is None else 1.0 - np.exp(-poses.clock / p[-1])
+        *_, constant, anew = p
+        clock = poses.clock
+        if clock is not None and poses.running is not None and anew:
+            clock = (1.0 - anew) * clock + anew * poses.running
+        warm = 0.0 if clock is None else 1.0 - np.exp(-clock / constant)
         heat = 0.0 if poses.warmed is None else poses.warmed
         return tuple(p[i] * warm + p[n + i] * heat for i in range(n))
+
+    @property
+    def anew_key(self) -> str:
+        """Name of the shape that states whether it begins anew with each session, in model files."""
+        return str(ParameterRef(self.id, self.place, ANEW))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Times, temperatures or the order must be known."""

@@ -16,6 +16,7 @@ from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.forces import Gravity
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
+from lrm_math.effects.session_errors import Drift, warms_with_the_arm
 from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
@@ -102,9 +103,18 @@ def followed_effects(model: Model, poses: Poses) -> list[str]:
         return []
     warming, history = model.state.warming, poses.history
     by_heat = [key for effect in model.effects if effect.name in warming for key in effect.keys if "_per_K" in key]
-    timed = since_power_on(poses) and (poses.warmed is not None or not any(map(model.value, by_heat)))
+    warmed = poses.warmed is not None or not any(map(model.value, by_heat))
     remembered = model.state.memory if history is not None and history.visits.timed else {}
-    return [*(warming if timed else ()), *remembered]
+    timed = [effect.name for effect in warming_at(model, poses) if warmed and effect.name in warming]
+    return [*timed, *remembered]
+
+
+def warming_at(model: Model, poses: Poses) -> list[Effect]:
+    """Drifts of joints whose time since power-on is known at poses: in one session, or of those that begin anew with
+    each."""
+    drifts = [effect for effect in model.effects if isinstance(effect, Drift) and warms_with_the_arm(effect)]
+    anew = [effect for effect in drifts if poses.running is not None and model.value(effect.anew_key) >= 0.5]
+    return [*(drifts if since_power_on(poses) else anew)]
 
 
 def _taken_out(state: StateAfterSession, names: Collection[str]) -> dict[str, float]:

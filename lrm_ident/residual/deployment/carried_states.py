@@ -14,10 +14,9 @@ from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.thresholds import Z_THRESHOLD
 from lrm_math.arrays import Array
-from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed_when_read, since_power_on
+from lrm_math.model.deployed_model import as_deployed_when_read, warming_at
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import CarriedState
@@ -56,11 +55,11 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
 
 
 def _following(model: Model, poses: Poses) -> list[str]:
-    """The effects that follow the time since power-on later: drifts of joints, with times measured in one session.
+    """The effects that follow the time since power-on later: drifts of joints with times measured since then.
 
-    That session began with the power. A numbered order is no time.
+    Each session begins with the power. A numbered order is no time.
     """
-    return [effect.name for effect in model.effects if since_power_on(poses) and warms_with_the_arm(effect)]
+    return [effect.name for effect in warming_at(model, poses)]
 
 
 def _predicting_better(

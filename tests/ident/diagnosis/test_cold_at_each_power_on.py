@@ -1,0 +1,61 @@
+"""A servo that is cold again at each power-on: its warm-up is named, and follows the time since power-on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lrm_ident as lrm
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.effects.session_errors import ANEW
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
+from validation.misreadings import random_arm_data
+
+NOISE_M, WARM_RAD, CONSTANT_S, POSES = 0.0003, 0.02, 250.0, 120
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("one_step_folds")
+def test_a_warm_up_that_begins_anew_is_named(tmp_path: Path) -> None:
+    """Before: drift counted from the start of the data alone, so creep of another joint was identified for it."""
+    data, arm, rng = random_arm_data("two-joint", 5, poses=POSES), load_arm("two-joint"), np.random.default_rng(2)
+    true = model_of(arm, effects_at(arm, "offsets"), {"offsets.joint1.theta_rad": 0.02})
+    t, session = np.linspace(0.0, 12.0 * POSES, POSES), 1 + 3 * np.arange(POSES) // POSES
+    since = t - np.array([t[session == one][0] for one in session])
+    q = data.poses.q.copy()
+    q[:, 1] += WARM_RAD * (1.0 - np.exp(-since / CONSTANT_S))
+    data.tcp[:] = solve_equilibrium(true, poses_of(q)).tcp + rng.normal(0.0, NOISE_M, data.tcp.shape)
+    timed = replace(data, poses=replace(data.poses, t=t, session=session))
+    path = tmp_path / "data.csv"
+    path.write_text(measurements_csv(timed))
+    path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nnoise_sd_mm = 0.3\n')
+
+    run, after = lrm.Study.of(lrm.load(path, arm="two-joint")).fit().auto()
+    assert [step.added for step in run.steps] == ["", "drift@joint2"]
+    assert run.verdict.quiet
+    assert after.model.value(f"drift.joint2.{ANEW}") == pytest.approx(1.0, abs=0.1)
+    assert after.model.value("drift.joint2.T_s") == pytest.approx(CONSTANT_S, rel=0.25)
+    held_out = run.steps[-1].held_out
+    assert held_out is not None
+    assert held_out.deployed is not None
+    assert held_out.deployed.now.rms == pytest.approx(run.steps[-1].held_out_rms)
+
+
+def test_one_session_leaves_its_beginning_open(lab: Arm) -> None:
+    [drift] = effects_at(lab, "drift@joint2")
+    t = np.linspace(0.0, 600.0, 20)
+    once = replace(poses_of(np.zeros((20, lab.dof))), t=t, running=t)
+    twice = replace(once, running=np.where(t < 300.0, t, t - 300.0))
+    assert ANEW not in drift.shapes_to_try(once)
+    assert drift.shapes_to_try(twice)[ANEW] == (0.0, 1.0)
+    same = (0.01, 0.0, 200.0)
+    np.testing.assert_array_equal(drift.amounts(once, (), (*same, 0.0)), drift.amounts(once, (), (*same, 1.0)))
+    assert np.ptp(np.subtract(drift.amounts(twice, (), (*same, 0.0)), drift.amounts(twice, (), (*same, 1.0)))) > 0.001
