@@ -97,6 +97,10 @@ class MotionEffect(ABC):
         """(M, P, S), set-point u (rad) as it leaves this effect."""
         return u
 
+    def lead(self, p: Values) -> Number:
+        """T (s), broadcast to (P, 1), by which the derivative of the set-point counts: a jump of it is a blow."""
+        return 0.0
+
     def push(self, drive: JointDrive, p: Values) -> Number:
         """Torque over the servo's stiffness (rad), broadcast to (M, P, S)."""
         return 0.0

@@ -209,9 +209,9 @@ class VelocityFeedforward(MotionEffect):
     )
     parameters = (Parameter("t_s", "lead", 0.02, 0.0, 0.5, scan=(0.01, 0.03, 0.08)),)
 
-    def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
-        """u + T du/dt, by backward differences."""
-        return u + p[0] / drive.h * np.diff(u, axis=0, prepend=u[:1])
+    def lead(self, p: Values) -> Number:
+        """T."""
+        return p[0]
 
 
 class GravitySag(MotionEffect):

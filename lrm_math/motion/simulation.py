@@ -57,6 +57,7 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
         step = np.broadcast_to(step[:, :, None] if step.ndim < 5 else step, (4, 4, *u.shape))
         own = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
     pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in own)
+    blows = stiffness * sum(effect.lead(p) for effect, p in pairs) * np.diff(u, axis=0, prepend=u[:1])
     told = u + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
     fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
@@ -67,6 +68,7 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     out[0], dry = q, bool(np.any(rubs)) or bool(fading)
     behind = np.zeros((2, *q.shape))  # angle and speed of the second mass, less those of the joint
     for k in range(len(u)):
+        v = v + blows[k]
         force, ahead, then = told[k] - q, moved[k] * v, slowed[k] * v
         if second is not None:
             ahead = ahead - np.sum(step[0, 2:, k] * behind, axis=0)

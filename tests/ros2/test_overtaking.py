@@ -27,6 +27,8 @@ from tests.support.daemon.daemon_harness import HOME, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 
+pytestmark = pytest.mark.long
+
 GAPS_MS = (0, 1, 3, 10)
 """From the trajectory to its stop."""
 FAR = (60.0, 1.0)
@@ -101,7 +103,6 @@ def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BridgeUnderTest
 WAYS = [("topic", "empty"), ("topic", "hold"), ("action", "hold"), ("action", "cancel all")]
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("order", "stop"), WAYS)
 def test_no_trajectory_moves_the_arm_after_a_stop_that_followed_it(
     bridge: BridgeUnderTest, order: str, stop: str
@@ -232,7 +233,6 @@ CLIENT_S = 1.0
 """The stated bound for a client that is lost."""
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_goal_ends_soon_after_its_client_is_frozen_or_killed(
     bridge: BridgeUnderTest, client: subprocess.Popen[bytes], how: signal.Signals
@@ -281,7 +281,6 @@ def test_a_goal_that_was_offered_before_others_that_were_refused(bridge_in_proce
     stands(bridge_in_process)
 
 
-@pytest.mark.long
 def test_a_trajectory_of_the_topic_that_is_followed(bridge_in_process: InProcessBridge) -> None:
     bridge_in_process.send("topic", trajectory(AWAY))
     end = time.monotonic() + PATIENCE_S

@@ -9,6 +9,7 @@ from validation.swinging_arm.phases import EVERY, STEP, best_hit_rate, distances
 from validation.swinging_arm.rig import SwingingRover
 
 
+@pytest.mark.long
 def test_one_of_the_phases_is_that_of_the_simulated_arm() -> None:
     rover = SwingingRover(50.0, "off", in_frames=True)
     _, leg = rover.move(np.array([0.1, -0.15, 0.1, 0.1, 0.0, 0.0]))
@@ -31,6 +32,7 @@ def test_a_tip_has_settled_after_it_was_last_far() -> None:
     np.testing.assert_allclose(settling_times(away, 1.0), [[3 * STEP * EVERY, 0.0]])
 
 
+@pytest.mark.long
 def test_where_moves_are_timed_a_frame_is_whole_ticks() -> None:
     """The rig's configuration is the shipped one with the shaping that is asked for."""
     rover = SwingingRover(50.0, "timed")

@@ -91,6 +91,7 @@ def test_every_option_sees_fifty_poses_and_no_more(method: OptionStudy) -> None:
         assert n[0] + n[1] == pytest.approx(n[2])
 
 
+@pytest.mark.long
 def test_what_is_hidden_does_not_change_what_is_identified(lab: Arm, method: OptionStudy) -> None:
     one = method.of("option1")
     spoiled = method.data.tcp.copy()
@@ -104,6 +105,7 @@ def test_what_is_hidden_does_not_change_what_is_identified(lab: Arm, method: Opt
     np.testing.assert_array_equal(again.fit.model.values, one.fit.model.values)
 
 
+@pytest.mark.long
 def test_more_parameters_explain_more_of_the_chosen_poses(lab: Arm, method: OptionStudy) -> None:
     rows = method.of("option1").rows
     rms = {}
@@ -115,6 +117,7 @@ def test_more_parameters_explain_more_of_the_chosen_poses(lab: Arm, method: Opti
     assert rms["option3"] <= min(rms["option5"], rms["option3_2"]) + 1e-12
 
 
+@pytest.mark.long
 def test_physical_options_obey_physics(method: OptionStudy) -> None:
     for name in ("option1_2", "option3_2"):
         fitted = method.of(name).fit.model
@@ -246,5 +249,6 @@ def test_wrong_words_are_one_line() -> None:
         assert stderr_of("options", EXAMPLE, *words, program=thesis)
 
 
+@pytest.mark.long
 def test_residuals_are_measured_minus_predicted(lab: Arm, method: OptionStudy) -> None:
     np.testing.assert_array_equal(method.nominal, residual_of(nominal_model(lab), method.data))

@@ -80,7 +80,9 @@ def test_a_move_into_an_obstacle_is_refused_and_possible_again_without_it(sim: A
     assert sim.core.mode is Mode.MOVING
 
 
-def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_does_not(sim: ArmedDaemon, config: Config) -> None:
+def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_its_way_does_not(
+    sim: ArmedDaemon, config: Config
+) -> None:
     sim.start(AWAY)
     sim.keep(20)
     tell(sim, sphere("far", (0.0, 0.8, 0.8)))

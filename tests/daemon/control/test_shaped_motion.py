@@ -143,6 +143,7 @@ def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
     assert [leg.waits != () for leg in sim.core.orders.legs] == [True]
 
 
+@pytest.mark.long
 def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     plain = sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="off"), sim.now)

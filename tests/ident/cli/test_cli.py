@@ -41,6 +41,7 @@ def test_fit_reports_fit_and_held_out(folder: Path) -> None:
         assert estimate["at_bound"] or estimate["se"] > 0
 
 
+@pytest.mark.long
 def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
     tables = tomllib.loads((folder / "model.toml").read_text())
     assert tables["schema"] == "lrm/model/2"
@@ -71,6 +72,7 @@ def test_compare_repeats_the_fits_figures(folder: Path) -> None:
     assert (folder / "c.svg").read_text().lstrip().startswith("<?xml")
 
 
+@pytest.mark.long
 def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
     stdout_of("predict", folder / "model.toml", EXAMPLE, "-o", folder / "p.csv", "--json", folder / "p.json")
     predicted = read_csv(folder / "p.csv", ["x_mm", "tau1_Nm", "tau6_Nm", "tau_base_Nm"])
@@ -81,6 +83,7 @@ def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
     assert len(json.loads((folder / "p.json").read_text())["poses"]) == 300
 
 
+@pytest.mark.long
 def test_predict_says_that_poses_may_be_in_radians(folder: Path) -> None:
     poses, words = folder / "radians.csv", ["predict", folder / "model.toml", folder / "radians.csv"]
     poses.write_text("q1,q2,q3,q4,q5,q6\n0.2,0.4,-0.5,0.1,1.1,0.3\n")

@@ -76,6 +76,7 @@ def test_results_are_wrapped_at_spaces_where_a_width_is_known(columns: int) -> N
     assert max(map(len, free.splitlines())) > 110, "in a pipe a sentence is one line"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", FAULTS)
 def test_a_command_that_is_called_wrongly_says_so_in_one_line(command: str) -> None:
     (code, none, free), (_, nothing, narrow) = piped(None)[command], piped(80)[command]

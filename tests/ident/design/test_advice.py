@@ -152,6 +152,7 @@ def test_effects_with_a_memory_get_dwell_times_that_tell_them(waiting: PoseDesig
     assert min(waiting.trials.values()) >= 0.9 * TRIALS
 
 
+@pytest.mark.long
 def test_holding_tells_more_of_slow_creep(arm: Arm, waiting: PoseDesign) -> None:
     """The same poses: the longer half of them is held, the surer is the time constant at which it is least sure."""
     model = base(arm).with_free(waiting.keys)

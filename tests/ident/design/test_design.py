@@ -356,6 +356,7 @@ def test_bad_words_get_one_line_and_write_nothing(tmp_path: Path, words: list[st
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_pose_file_keeps_the_order_in_which_it_was_measured(separating: PoseDesign) -> None:
     """Random order: no joint's angle runs with it, so that a drift is not taken for an error of a joint."""
     order = np.arange(len(separating.poses))

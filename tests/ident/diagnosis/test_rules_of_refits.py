@@ -215,6 +215,7 @@ def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
     assert (step.names, step.evidence.rivals) == (("one", "twin"), {"far": 1.0})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("world", "effect"),
     [
@@ -274,6 +275,7 @@ def test_what_forecasts_cannot_judge_is_left_to_the_cross_validation(monkeypatch
     assert not judged(monkeypatch, same, worse, part=ModelPart.MEASUREMENT)
 
 
+@pytest.mark.long
 def test_two_that_hide_each_other_are_confirmed_together(tmp_path: Path) -> None:
     """A tracker's scale and a screw that slipped: neither alone makes the deployed model surely better."""
     data, _ = SimulatedCase.of("catalogue/pair/stretched+slip2/80/0").record().load(tmp_path)

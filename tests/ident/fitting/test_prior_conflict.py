@@ -23,6 +23,7 @@ def drawn_otherwise(folder: Path, old: str, new: str) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

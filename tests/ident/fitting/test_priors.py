@@ -194,6 +194,7 @@ def test_fewer_poses_than_parameters_will_do_but_not_too_few(whole: Model) -> No
         fit(whole, measured(1, 20))
 
 
+@pytest.mark.long
 def test_too_few_for_the_held_out_error_are_counted_as_the_user_does(whole: Model) -> None:
     prior = prior_of_typical_sizes(whole)
     with pytest.raises(LrmError, match=r"17 poses for 45 parameters.* other 15 needs 16; measure at least 18 poses"):

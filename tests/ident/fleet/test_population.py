@@ -229,6 +229,7 @@ def test_the_softer_joint_goes_with_the_batch_and_nothing_else_does(two_batches:
     assert medians["B"] / medians["A"] == pytest.approx(1.8, rel=0.15)
 
 
+@pytest.mark.long
 def test_the_broken_arm_is_named_and_the_batch_is_no_outlier(two_batches: FleetResult) -> None:
     assert [(one.arm, one.key) for one in two_batches.outliers] == [(f"arm{BROKEN}", LOOSE)]
     assert two_batches.outliers[0].sentence.startswith(f"arm{BROKEN}: joint2's compliance")

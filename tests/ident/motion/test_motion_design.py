@@ -66,6 +66,7 @@ def test_rover_keeps_its_distances_and_the_law_of_the_ramp() -> None:
         assert (np.abs(np.diff(pulses)) / np.diff(found.t)).max() <= 1e-6 / 6.5e-3 * (1.0 + 1e-9)
 
 
+@pytest.mark.long
 def test_tells_what_random_moves_do_not(design: MotionDesign) -> None:
     """A delay beside a swing shows in quick starts only; what is promised is what the diagnosis says."""
     assert all(one.told for one in design.pairs)
@@ -74,6 +75,7 @@ def test_tells_what_random_moves_do_not(design: MotionDesign) -> None:
     assert {trial.named for trial in design.trials} == {"dead_time@joint2", "swing@joint2"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effects", "words"),
     [
@@ -195,6 +197,7 @@ def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: 
         assert len(read) >= 12
 
 
+@pytest.mark.long
 def test_refuses_before_anything_moves(design: MotionDesign) -> None:
     follower, far = Follower(Clock()), design.sequence.q.copy()
     with pytest.raises(LrmError, match=r"\w+ stands at 0\.0 deg, the moves begin at .* within 30 deg first"):
@@ -211,6 +214,7 @@ def test_refuses_before_anything_moves(design: MotionDesign) -> None:
     assert not follower.told
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "words"), [(np.nan, "no number"), (np.inf, "no number"), (4.0, "q2_deg")])
 def test_a_log_of_no_numbers_or_beyond_the_limits_is_refused(
     design: MotionDesign, tmp_path: Path, number: float, words: str

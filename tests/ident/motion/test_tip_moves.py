@@ -126,6 +126,7 @@ def test_the_picture_of_a_tip_names_what_was_tracked(tmp_path: Path, monkeypatch
     assert not any("encoder" in one or "deg" in one for one in said)
 
 
+@pytest.mark.long
 def test_the_model_comes_back_from_its_file(tmp_path: Path) -> None:
     write_motion(study(), "lrm-rover", tmp_path / "motion.toml")
     file, _ = load_motion(tmp_path / "motion.toml")

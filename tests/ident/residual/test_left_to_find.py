@@ -153,6 +153,7 @@ def test_nothing_can_be_predicted_of_noise(seed: int) -> None:
     assert found.error.rms == pytest.approx(NOISE * np.sqrt(3.0), rel=0.1)
 
 
+@pytest.mark.long
 def test_an_unknown_law_is_predicted_down_to_the_noise_and_its_inputs_are_named() -> None:
     q = poses_of(3).poses.q
     law = 0.01 * np.sin(q[:, 0] + q[:, 3])[:, None] * np.array([0.5, -0.3, 1.0])
@@ -162,6 +163,7 @@ def test_an_unknown_law_is_predicted_down_to_the_noise_and_its_inputs_are_named(
     assert NOISE * np.sqrt(3.0) * 0.9 < found.noise_bound < 2.0 * NOISE * np.sqrt(3.0) < error_stats(found.before).rms
 
 
+@pytest.mark.long
 def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named() -> None:
     """A law that angles tell only through the kinematics: a lens, a floor, a field in the tracker's room."""
     position = reach(poses_of(3))

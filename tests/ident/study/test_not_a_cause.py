@@ -59,6 +59,7 @@ def test_the_model_file_says_it_and_reads_the_same(study: Study, file: Path) -> 
     assert "#" not in model_text(study.undo().file), "causes alone need no mark"
 
 
+@pytest.mark.long
 def test_the_report_and_its_card_say_it(study: Study) -> None:
     found = quick_report(study)
     effects = dict(provenance_table(found.file).text())["effects"]
@@ -110,6 +111,7 @@ def test_poses_beyond_its_range_are_told(file: Path) -> None:
     assert values["field"]["does_not_speak_at"] == far.pose[:20].tolist()  # type: ignore[index]
 
 
+@pytest.mark.long
 def test_a_deployment_says_how_much_of_the_reach_it_covers(study: Study, file: Path) -> None:
     config = replace(load_config(CONFIG), arm=study.model.arm)
     coverage = deploy_file(config, file).field

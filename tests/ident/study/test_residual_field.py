@@ -42,6 +42,7 @@ from tests.support.sweep import examples, seeds
 from validation.nameless_arm import ARM, NOISE, measured
 
 
+@pytest.mark.long
 def test_held_out_and_at_new_poses_it_predicts_better(fitted: Study, with_field: Study) -> None:
     before, after = fitted.held_out.error, with_field.held_out.error
     assert before is not None
@@ -53,6 +54,7 @@ def test_held_out_and_at_new_poses_it_predicts_better(fitted: Study, with_field:
     assert after.rms == pytest.approx(errors[1], rel=0.25), "the held-out error is the error at new poses"
 
 
+@pytest.mark.long
 def test_its_deviation_is_that_of_its_error(with_field: Study) -> None:
     """Noise-free displacements at new poses lie within two predicted deviations about as often as they should."""
     poses = poses_of(np.random.default_rng(5).uniform(-1.1, 1.1, (200, ARM.dof)))
@@ -70,6 +72,7 @@ def test_its_deviation_is_that_of_its_error(with_field: Study) -> None:
     )
 
 
+@pytest.mark.long
 def test_its_file_holds_no_more_than_a_hundred_numbers_of_it(with_field: Study, tmp_path: Path) -> None:
     own = [key for key in with_field.file.parameters if key.startswith("residual_field")]
     assert 3 < len(own) <= MOST_NUMBERS
@@ -97,11 +100,13 @@ def test_added_twice_it_is_fitted_anew() -> None:
     assert again.taken.fit.sigma == pytest.approx(once.taken.fit.sigma, rel=0.01)
 
 
+@pytest.mark.long
 def test_least_squares_refuses_it(with_field: Study) -> None:
     with pytest.raises(LrmError, match="fitted last"):
         fit(with_field.model, with_field.data)
 
 
+@pytest.mark.long
 def test_poses_without_a_position_are_refused(fitted: Study) -> None:
     tcp = fitted.data.tcp.copy()
     tcp[3] = np.nan
@@ -121,6 +126,7 @@ def test_half_of_the_joint_space_says_nothing_of_the_other(fitted: Study) -> Non
     assert np.abs(field.amounts(data.poses.take(far), (), values)).max() < 1e-12
 
 
+@pytest.mark.long
 def test_a_file_predicts_as_the_study_that_wrote_it(with_field: Study, tmp_path: Path) -> None:
     with_field.save(tmp_path / "model.toml")
     poses = with_field.data.poses
@@ -160,6 +166,7 @@ def test_the_command_says_that_it_is_no_cause(real: Measurements, by_command: tu
     assert "the residual field is left out here" in " ".join(told.split())
 
 
+@pytest.mark.long
 def test_a_diagnosis_of_it_goes_between_processes(with_field: Study) -> None:
     """The workbench sends it: the blocks of the held-out error are made anew without what made them."""
     blocks = with_field.held_out.blocks

@@ -25,6 +25,7 @@ from lrm_math.motion.effects import (
     SpeedLimit,
     StribeckFriction,
     Swing,
+    VelocityFeedforward,
 )
 from lrm_math.motion.loads import joint_loads
 from lrm_math.motion.simulation import simulate
@@ -180,6 +181,7 @@ FROM_COARSE = {
     "profile": (AccelerationLimit, (9.0,), 0.02),
     "friction that falls with speed": (StribeckFriction, (0.02, 0.2), 0.15),
     "swing": (Swing, (4.5, 0.1, 0.3), 0.001),
+    "lead": (VelocityFeedforward, (0.05,), 0.001),
 }
 """Effect, values, and how far (deg) steps of 8 ms may be from sixteenths of them at worst, of moves of 60°."""
 

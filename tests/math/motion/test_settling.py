@@ -54,6 +54,7 @@ def test_an_arm_that_stays_has_settled_and_a_soft_joint_swings_longer() -> None:
     assert found.seconds > 5.0 * settling(arm(4.0, 0.7), START, GOAL, SPEED, 1e-4).seconds
 
 
+@pytest.mark.long
 def test_several_paths_and_frequencies_give_the_time_of_a_share_of_their_cases() -> None:
     known, step = swinging(), 0.005
     paths = np.stack([np.linspace(START, GOAL, 200)] * 3)

@@ -39,6 +39,7 @@ def typed_wrongly(folder: Path, pose: int, column: int, text: str) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("first", "seed"), [(60, 1), (150, 2), (241, 3)])
 def test_the_pose_from_which_the_frame_was_moved_is_found(measured: Measurements, first: int, seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -55,6 +56,7 @@ def test_the_pose_from_which_the_frame_was_moved_is_found(measured: Measurements
     assert found.score < 0.01
 
 
+@pytest.mark.long
 def test_a_moved_tracker_is_said_with_a_remedy_that_works(measured: Measurements, tmp_path: Path) -> None:
     tcp = measured.tcp.copy()
     tcp[150:] = tcp[150:] @ Rotation.from_euler("z", 20.0, degrees=True).as_matrix().T + [0.3, -0.2, 0.1]
@@ -68,6 +70,7 @@ def test_a_moved_tracker_is_said_with_a_remedy_that_works(measured: Measurements
     assert "backlash@joint2" in stdout_of("diagnose", model, str(path)).splitlines()[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("by", "which"), [(1, "after"), (-1, "before")])
 def test_positions_of_the_next_row_are_said(measured: Measurements, tmp_path: Path, by: int, which: str) -> None:
     path = tmp_path / "shifted.csv"
@@ -76,6 +79,7 @@ def test_positions_of_the_next_row_are_said(measured: Measurements, tmp_path: Pa
         load_checked(path, ARM)
 
 
+@pytest.mark.long
 def test_a_row_that_is_left_out_is_not_tested(tmp_path: Path) -> None:
     path, model = typed_wrongly(tmp_path, 40, 5, "-705.3"), tmp_path / "model.toml"
     fit = ["fit", str(path), "--arm", "lrm-lab", "--force", "-o", str(model)]

@@ -80,7 +80,7 @@ function lrmCandidates(page) {
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
     const known = v.ranking.filter((one) => one.gain !== null), above = (one) => v.floor === null ? 0 : one.heldOut + one.gain - v.floor;
     const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
-    const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" title="${one.mark}">
+    const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" data-name="${one.name}" title="${one.mark}">
         <input type="radio" name="lrm-candidate" value="${one.name}"${one.name === state.candidate ? lrmHtml` checked` : ""}>
         <span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
         <span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></label>`)}`);
