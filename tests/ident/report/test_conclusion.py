@@ -78,7 +78,7 @@ def test_a_study_knows_what_could_not_be_distinguished_also_from_its_file(better
 def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
     """The real arm: a spline over two joints, which three angles a joint do not resolve."""
     found = conclude(lrm.Study.of(real).fit().diagnose(), CommandNames("model.toml", "DATA.csv", "lrm-lab"))
-    assert found.headline == HEADLINES["effect_describes"]
+    assert found.headline == HEADLINES[Verdict.EFFECT_DESCRIBES]
     assert "certainty" not in dict(found.facts)
     assert any(reason.startswith("few angles") for reason in found.reasons)
     design, add = (shlex.split(step.command) for step in found.next)
