@@ -52,7 +52,7 @@ def active(config: Config) -> ActiveMotionModel:
 
 def deploy(motion: ActiveMotionModel, text: str) -> None:
     """Asks again where a busy machine had no time for the check."""
-    for _ in range(5):
+    for _ in range(20):
         try:
             return motion.deploy(text)
         except RequestError as error:
