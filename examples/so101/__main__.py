@@ -50,7 +50,7 @@ def run(link: Path, effect: str, seed: int, speed: float, kind: str, parent: int
             "temperature_c": [s.rise + 25.0 for s in arm.servos],
         }  # fmt: skip
 
-    with ExitStack() as things, selectors.DefaultSelector() as waiting:
+    with ExitStack() as farewell, ExitStack() as things, selectors.DefaultSelector() as waiting:
         control = things.enter_context(closing(ControlServer(link)))
         port = things.enter_context(closing(PtyPort(link)))
         port.open()
@@ -58,7 +58,7 @@ def run(link: Path, effect: str, seed: int, speed: float, kind: str, parent: int
         waiting.register(port, selectors.EVENT_READ)
         print(f"simulated SO-101 at {link} ({port.node})", flush=True)
         if parent is None:
-            things.callback(print, f"simulated SO-101 at {link} ended", flush=True)
+            farewell.callback(print, f"simulated SO-101 at {link} ended", flush=True)
         while parent is None or os.getppid() == parent:
             for key, _ in waiting.select(1.0):
                 if key.fileobj is control.socket:

@@ -182,6 +182,7 @@ def test_one_place_writes() -> None:
     assert {place.split(":")[0] for place in found} <= {
         "lrm_ident/measuring/campaign/data_file.py",  # appends to a campaign's own file
         "lrm_ident/report/plots/style.py",  # draws into memory
+        "lrm_ident/workbench/notebook.py",  # draws into memory
         "lrm_ident/data/last_error.py",  # in the user's state folder
         "lrm_ident/data/measurement_file/table_schema.py",  # `make schemas`, into the repository
     }, found
