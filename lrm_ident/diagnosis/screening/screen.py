@@ -133,9 +133,13 @@ class Screening:
     def like_noise(self, one: ScoredCandidate) -> bool:
         """Whether the residual is no larger than a known noise and shows no structure: no cause is missing then, unless
         a candidate shows that the repeats, from which the noise is known, differ by what it does."""
-        if self.structure.significant or not self.lack_of_fit_p_value > SIGNIFICANCE:
-            return False
-        return self._p_value(self.floor_beside(one)) > SIGNIFICANCE
+        return not self.structure.significant and self._within(self.floor) and self._within(self.floor_beside(one))
+
+    def _within(self, floor: NoiseFloor) -> bool:
+        """Whether the residual is no larger than a noise, by the lack-of-fit test and by `FLOOR_RATIO`: few repeats
+        leave that test without power, so that it alone does not show that nothing is missing."""
+        small = floor.sd is not None and self.fit.sigma <= FLOOR_RATIO * floor.sd
+        return small and self._p_value(floor) > SIGNIFICANCE
 
 
 def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:

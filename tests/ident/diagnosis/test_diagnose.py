@@ -360,6 +360,27 @@ def test_a_cause_that_makes_repeats_differ_is_not_taken_for_noise(lab: Arm, seed
     assert not {"hysteresis@joint3", "servo_gain@joint2"} & tried, "these do not explain how the repeats differ"
 
 
+@pytest.mark.long
+def test_few_repeats_do_not_show_that_nothing_is_missing(lab: Arm) -> None:
+    """Before: by eight repeated poses an error of 1.3 to 1.5 times the noise was not surely more (p = 0.012), so no cause
+    was looked for. Among some arms with a faint gain such tests accept several, and the gain is named all the same."""
+    gain = effects_at(lab, "servo_gain@joint3")
+    model = model_of(lab, gain, dict.fromkeys(gain[0].keys, 0.004))
+    accepted = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        q, repeated = rng.uniform(-1.4, 1.4, (72, lab.dof)), rng.choice(72, 8, replace=False)
+        poses = Poses(np.vstack([q, q[repeated]]), np.zeros(80))
+        tcp = solve_equilibrium(model, poses).tcp + rng.normal(0.0, 2e-4, (80, 3))
+        repeat_of = np.append(np.arange(72), repeated) + 1
+        data = Measurements(poses, np.arange(80) + 1, tcp, None, None, repeat_of, Path("repeats.csv"), "")
+        found = diagnose(model_of(lab, effects_at(lab, "offsets")), data)
+        accepted += found.screening.lack_of_fit_p_value > SIGNIFICANCE and not found.structure.significant
+        named = [name for one in found.supported[:1] for name in (one.name, *found.equivalent[one.name])]
+        assert "servo_gain@joint3" in named
+    assert accepted > 0, "the error is larger than the noise beyond doubt"
+
+
 @given(st.integers(0, 2**32 - 1), st.integers(2, 450))
 def test_neighbours_are_the_nearest_poses(seed: int, count: int) -> None:
     """Oracle: a k-d tree."""
