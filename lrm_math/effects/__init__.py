@@ -63,7 +63,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "memory.creep.Creep",
         "memory.self_heating.SelfHeating",
         "memory.slip.Slip",
-        "memory.unsettled.Unsettled",
+        "memory.settling_error.SettlingError",
         "servo_errors.TransmissionRipple",
         # other forms, from plain to rich
         "compliance.BendingEnds",

@@ -35,7 +35,7 @@ RIGID = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "
 """All six motions of a place and the units of their parameters."""
 TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
-ANEW = "anew_s_per_s"
+RESET = "reset_s_per_s"
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
 """Knots are as far apart as `SPACING` times `FAST_S` and the time passed; the last at `LONGEST_S`."""
 _COUNT = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)
@@ -111,29 +111,29 @@ class Drift(_SessionError):
             Parameter(
                 "T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(60.0, 300.0, 900.0, 1800.0, 3600.0, 9000.0)
             ),
-            Parameter(ANEW, "share that begins anew with each session", 1.0, 0.0, 1.0, fixed=0.0, scan=(0.0, 1.0)),
+            Parameter(RESET, "share of the clock that each session resets", 1.0, 0.0, 1.0, fixed=0.0, scan=(0.0, 1.0)),
         )
 
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
         """The time constant; of several sessions, whether it was cold again when each began."""
         once = poses.t is None or poses.running is None or np.ptp(poses.t - poses.running) == 0.0
-        return {name: scan for name, scan in super().shapes_to_try(poses).items() if not (once and name == ANEW)}
+        return {name: scan for name, scan in super().shapes_to_try(poses).items() if not (once and name == RESET)}
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """A (1 − exp(−t/T)) + c (temperature − first temperature); t since the start, or since the session began."""
         n = len(self.targets)
-        *_, constant, anew = p
+        *_, constant, reset = p
         clock = poses.clock
-        if clock is not None and poses.running is not None and anew:
-            clock = (1.0 - anew) * clock + anew * poses.running
+        if clock is not None and poses.running is not None and reset:
+            clock = (1.0 - reset) * clock + reset * poses.running
         warm = 0.0 if clock is None else 1.0 - np.exp(-clock / constant)
         heat = 0.0 if poses.warmed is None else poses.warmed
         return tuple(p[i] * warm + p[n + i] * heat for i in range(n))
 
     @property
-    def anew_key(self) -> str:
+    def reset_key(self) -> str:
         """Name of the shape that states whether it begins anew with each session, in model files."""
-        return str(ParameterRef(self.id, self.place, ANEW))
+        return str(ParameterRef(self.id, self.place, RESET))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Times, temperatures or the order must be known."""

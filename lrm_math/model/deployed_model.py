@@ -113,7 +113,7 @@ def warming_at(model: Model, poses: Poses) -> list[Effect]:
     """Drifts of joints whose time since power-on is known at poses: in one session, or of those that begin anew with
     each."""
     drifts = [effect for effect in model.effects if isinstance(effect, Drift) and warms_with_the_arm(effect)]
-    anew = [effect for effect in drifts if poses.running is not None and model.value(effect.anew_key) >= 0.5]
+    anew = [effect for effect in drifts if poses.running is not None and model.value(effect.reset_key) >= 0.5]
     return [*(drifts if since_power_on(poses) else anew)]
 
 

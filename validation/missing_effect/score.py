@@ -19,7 +19,7 @@ EFFECTS = (
     "anchor", "axial_play", "backlash", "base_compliance", "cable_spring", "change_point", "common_gain", "coupling",
     "creep", "depth_scale", "drift", "eccentricity", "gear_ripple", "gravity", "hysteresis", "lateral_compliance",
     "mass", "measurement_frame", "nonlinear_stiffness", "payload", "quantisation", "self_heating", "servo_droop",
-    "servo_gain", "session", "slip", "tool_compliance", "unsettled",
+    "servo_gain", "session", "settling_error", "slip", "tool_compliance",
 )  # fmt: skip
 """Kinds of effects; places are joint1 to joint6, link1 to link6, base, tool, frame, servos, arm and distance."""
 PLACES = tuple(f"{part}{n}" for part in ("joint", "link") for n in range(1, 7))

@@ -21,7 +21,7 @@ from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.moved_frame import moved_frame
-from lrm_ident.data.registration.point_set import Scored, registered
+from lrm_ident.data.registration.point_set import ScoredReading, registered
 from lrm_ident.data.registration.reading_check import (
     DOUBTFUL,
     ReadingCheck,
@@ -181,7 +181,7 @@ def _moved_words(arm: Arm, data: Measurements, check: ReadingCheck) -> tuple[str
     return what, f"{right} ({alone})"
 
 
-def _millimetres(scored: Scored) -> str:
+def _millimetres(scored: ScoredReading) -> str:
     value = scored.score / MM
     return f"{value:.3g} mm" if value < 1000.0 else f"{value:.0f} mm"
 

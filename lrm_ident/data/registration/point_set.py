@@ -24,7 +24,7 @@ LIKE_BASE = ("offsets.joint1.theta_rad", "offsets.joint1.d_mm")
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoredReading:
     """A hypothesis and how far its coarse fit misses.
 
     Attributes:
@@ -58,13 +58,13 @@ class PointSet:
         """The hypothesis that nothing was mistaken."""
         return Hypothesis(self.reading, self.poses.q, self.tcp)
 
-    def scored(self, hypothesis: Hypothesis) -> Scored:
+    def scored(self, hypothesis: Hypothesis) -> ScoredReading:
         """A hypothesis, scored by the coarse fit with the angles and positions that it makes of these."""
         poses, free = replace(self.poses, q=hypothesis.q), hypothesis.reading.frame == "unknown"
         seen = registered(self.arm, poses, hypothesis.tcp)[0] if free else hypothesis.tcp
         nominal = nominal_tcp(self.arm, poses)
         fit = coarse_fit(self.arm, poses, seen, fixed_base=free)
-        return Scored(hypothesis, fit.score, spread_of(nominal), fit.overdetermined)
+        return ScoredReading(hypothesis, fit.score, spread_of(nominal), fit.overdetermined)
 
 
 def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:

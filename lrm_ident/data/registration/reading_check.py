@@ -30,7 +30,7 @@ from lrm_ident.data.registration.hypotheses import (
     with_free_frame,
     with_unit,
 )
-from lrm_ident.data.registration.point_set import PointSet, Scored, nominal_tcp, spread_of
+from lrm_ident.data.registration.point_set import PointSet, ScoredReading, nominal_tcp, spread_of
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
@@ -78,8 +78,8 @@ class ReadingCheck:
         found: the simplest readings that explain the data, the best first; empty if none does.
     """
 
-    read: Scored
-    found: tuple[Scored, ...]
+    read: ScoredReading
+    found: tuple[ScoredReading, ...]
 
     @property
     def right(self) -> bool:
@@ -137,7 +137,7 @@ def _other_frames(points: PointSet) -> Iterator[Hypothesis]:
         yield with_free_frame(found_in, mirrored=False)
 
 
-def _alternatives(points: PointSet) -> Iterator[Scored]:
+def _alternatives(points: PointSet) -> Iterator[ScoredReading]:
     """Other readings, the simplest first, until one explains the data and all others as simple have been looked at."""
     enough = np.inf
     proposals = [*_proposals(_before_frame(points)), *_other_frames(points)]
@@ -186,7 +186,7 @@ def _positions(joints: Hypothesis, found: Similarity, mirrored: bool) -> Iterato
         yield with_free_frame(scaled, mirrored)
 
 
-def _other_arms(points: PointSet) -> Iterator[Scored]:
+def _other_arms(points: PointSet) -> Iterator[ScoredReading]:
     """The data as read, of each shipped arm with as many joints."""
     for name, path in shipped_arms().items():
         other = read_arm(path)
@@ -195,7 +195,7 @@ def _other_arms(points: PointSet) -> Iterator[Scored]:
             yield replace(points, arm=other).scored(points.as_read.also(words, COMPOUND, f"--arm {name}"))
 
 
-def _hung_otherwise(points: PointSet, read: Scored) -> tuple[Scored, ...]:
+def _hung_otherwise(points: PointSet, read: ScoredReading) -> tuple[ScoredReading, ...]:
     """The data as read, of the arm with gravity in the best other direction, where the data do not state it.
 
     Empty if it does not explain what neither the stated direction nor an arm without weight does.
@@ -210,7 +210,7 @@ def _hung_otherwise(points: PointSet, read: Scored) -> tuple[Scored, ...]:
     return (best,) if _sags_so(points, read, best) else ()
 
 
-def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
+def _sags_so(points: PointSet, read: ScoredReading, hung: ScoredReading) -> bool:
     """Whether an arm with gravity in another direction explains what neither the stated one nor a rigid arm does."""
     if hung.score >= SAGS_SO * read.score:
         return False
@@ -218,7 +218,7 @@ def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
     return hung.score < SAGS_SO * weightless.scored(points.as_read).score
 
 
-def _hidden_sign(points: PointSet, read: Scored) -> Scored | None:
+def _hidden_sign(points: PointSet, read: ScoredReading) -> ScoredReading | None:
     """The sign of a joint near whose axis the tip stands, where the other one leaves a part of what this one does."""
     if not read.overdetermined:
         return None
@@ -230,14 +230,14 @@ def _hidden_sign(points: PointSet, read: Scored) -> Scored | None:
     return best if best.score < IMPROVED * read.score else None
 
 
-def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
+def _unrelated_columns(points: PointSet, read: ScoredReading) -> Iterator[ScoredReading]:
     """The data with one column imputed from the others, where they then fit much better and the two hardly agree."""
     if points.reading.frame != "unknown":
         every = (*_with_imputed_angles(points), *_with_imputed_coordinates(points))
         yield from (s for s in map(points.scored, every) if s.share < IMPROVED * read.share)
 
 
-def _shifted_rows(points: PointSet, data: Measurements, rows: NDArray[np.int64]) -> Iterator[Scored]:
+def _shifted_rows(points: PointSet, data: Measurements, rows: NDArray[np.int64]) -> Iterator[ScoredReading]:
     """The positions, each with the joint angles of the row before or after."""
     for by, which in ((-1, "before"), (1, "after")):
         kept = rows[(rows + by >= 0) & (rows + by < len(data))]

@@ -1,22 +1,24 @@
-"""Bounds of a deployment, and the way back from a damaged one without a daemon."""
+"""Bounds of a deployment, how far it moves the tip, and the way back from a damaged one without a daemon."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from lrm_math.arm.plausible_arm import reach
 from lrm_math.errors import LrmError
+from lrm_math.model.model import model_of
 from lrmd.api.model_reload import ActiveModel
 from lrmd.config import Config, load_config
 from lrmd.errors import RequestError
+from lrmd.ik.tip_movement import LARGE, TipMovement, check_movement, tip_movement
 from lrmd.main import main
 from lrmd.persistence.deployed_models import DeployedVersions
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.daemon.in_memory_daemon import CONFIG
-
-pytestmark = pytest.mark.long
 
 LINK = """\
 schema = "lrm/model/1"
@@ -38,6 +40,7 @@ def active(config: Config) -> ActiveModel:
     return ActiveModel(config, SharedRecords.create())
 
 
+@pytest.mark.long
 def test_a_model_with_a_link_of_ten_metres_is_not_deployed(config: Config, active: ActiveModel) -> None:
     for accept in ((), (True,)):
         with pytest.raises(LrmError):
@@ -47,6 +50,7 @@ def test_a_model_with_a_link_of_ten_metres_is_not_deployed(config: Config, activ
         active.deploy(LINK.format(200.0))
 
 
+@pytest.mark.long
 def test_a_damaged_deployed_file_is_taken_back_without_a_daemon(
     tmp_path: Path, config: Config, active: ActiveModel, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,6 +72,35 @@ def test_a_damaged_deployed_file_is_taken_back_without_a_daemon(
     assert main(["--config", str(file), "--check"]) == 0
 
 
+@pytest.mark.long
 def test_the_state_folder_is_not_for_everybody(config: Config, active: ActiveModel) -> None:
     active.deploy(LINK.format(1.0))
     assert DeployedVersions(config.state).folder.stat().st_mode & 0o007 == 0
+
+
+def test_a_longer_first_link_moves_the_tip_by_as_much(config: Config) -> None:
+    arm = config.arm
+    longer = replace(arm, joints=(replace(arm.joints[0], d=arm.joints[0].d + 0.03), *arm.joints[1:]))
+    moved = tip_movement(model_of(arm, ()), model_of(longer, ()), arm)
+    assert (moved.largest, moved.rms) == pytest.approx((0.03, 0.03), abs=1e-9)
+    assert tip_movement(model_of(arm, ()), model_of(arm, ()), arm) == TipMovement(0.0, 0.0)
+
+
+def test_a_large_movement_is_asked_for_and_a_larger_one_than_the_reach_refused(config: Config) -> None:
+    length = reach(config.arm)
+    check_movement(TipMovement(LARGE * length, 0.0), config.arm, accept=False)
+    with pytest.raises(RequestError, match="has to be accepted") as refused:
+        check_movement(TipMovement(1.01 * LARGE * length, 0.01), config.arm, accept=False)
+    assert refused.value.code == "needs_accept"
+    assert refused.value.detail["tip_moves_rms_m"] == 0.01
+    check_movement(TipMovement(0.99 * length, 0.0), config.arm, accept=True)
+    with pytest.raises(LrmError, match="no model of this arm: the tip moves by up to"):
+        check_movement(TipMovement(1.01 * length, 0.0), config.arm, accept=True)
+
+
+@pytest.mark.long
+def test_a_deployment_says_how_far_the_tip_moves(active: ActiveModel) -> None:
+    moved = active.deploy(LINK.format(200.0), accept=True).moved
+    assert moved is not None
+    assert moved.largest == pytest.approx(0.2, abs=2e-3)
+    assert np.isclose(active.deploy(LINK.format(210.0)).moved.largest, 0.01, atol=1e-4)

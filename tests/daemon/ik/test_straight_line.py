@@ -1,32 +1,24 @@
-"""Straight lines: the commanded tip keeps to them or says where they end; how far a deployment moves the tip."""
+"""Straight lines: the commanded tip keeps to them or says where they end."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
-from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point, pose
 from lrm_math.kinematics.motion import Motion
-from lrm_math.model.model import model_of
-from lrmd.api.model_reload import ActiveModel
 from lrmd.config import Config, load_config
-from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
 from lrmd.ik.straight_line import TOLERANCE, LineEnd, line_path, rotation_of, rotation_vector
-from lrmd.ik.tip_movement import LARGE, TipMovement, check_movement, tip_movement
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
-from lrmd.ramp.shared_memory import SharedRecords
 from tests.daemon.safety.test_contact import GROUND
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.random_lines import random_lines, soft_lab
@@ -105,51 +97,3 @@ def test_a_rotation_vector_is_that_of_its_rotation(angle: float) -> None:
     R = rotation_of(angle * axis)
     assert rotation_of(rotation_vector(R)) == pytest.approx(R, abs=1e-9)
     assert np.linalg.norm(rotation_vector(R)) == pytest.approx(angle, abs=1e-9)
-
-
-LINK = """\
-schema = "lrm/model/1"
-arm = "lrm-rover"
-effects = ["offsets@joint1"]
-[parameters]
-"offsets.joint1.d_mm" = {}
-"""
-"""The first link longer by so much (mm): the whole arm is moved by as much, whatever its pose."""
-
-
-@pytest.fixture
-def config(tmp_path: Path) -> Config:
-    return replace(load_config(CONFIG), state=tmp_path / "state")
-
-
-@pytest.fixture
-def active(config: Config) -> ActiveModel:
-    return ActiveModel(config, SharedRecords.create())
-
-
-def test_a_longer_first_link_moves_the_tip_by_as_much(config: Config) -> None:
-    arm = config.arm
-    longer = replace(arm, joints=(replace(arm.joints[0], d=arm.joints[0].d + 0.03), *arm.joints[1:]))
-    moved = tip_movement(model_of(arm, ()), model_of(longer, ()), arm)
-    assert (moved.largest, moved.rms) == pytest.approx((0.03, 0.03), abs=1e-9)
-    assert tip_movement(model_of(arm, ()), model_of(arm, ()), arm) == TipMovement(0.0, 0.0)
-
-
-def test_a_large_movement_is_asked_for_and_a_larger_one_than_the_reach_refused(config: Config) -> None:
-    length = reach(config.arm)
-    check_movement(TipMovement(LARGE * length, 0.0), config.arm, accept=False)
-    with pytest.raises(RequestError, match="has to be accepted") as refused:
-        check_movement(TipMovement(1.01 * LARGE * length, 0.01), config.arm, accept=False)
-    assert refused.value.code == "needs_accept"
-    assert refused.value.detail["tip_moves_rms_m"] == 0.01
-    check_movement(TipMovement(0.99 * length, 0.0), config.arm, accept=True)
-    with pytest.raises(LrmError, match="no model of this arm: the tip moves by up to"):
-        check_movement(TipMovement(1.01 * length, 0.0), config.arm, accept=True)
-
-
-@pytest.mark.long
-def test_a_deployment_says_how_far_the_tip_moves(active: ActiveModel) -> None:
-    moved = active.deploy(LINK.format(200.0), accept=True).moved
-    assert moved is not None
-    assert moved.largest == pytest.approx(0.2, abs=2e-3)
-    assert np.isclose(active.deploy(LINK.format(210.0)).moved.largest, 0.01, atol=1e-4)

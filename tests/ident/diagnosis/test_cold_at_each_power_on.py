@@ -13,7 +13,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
-from lrm_math.effects.session_errors import ANEW
+from lrm_math.effects.session_errors import RESET
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -41,7 +41,7 @@ def test_a_warm_up_that_begins_anew_is_named(tmp_path: Path) -> None:
     run, after = lrm.Study.of(lrm.load(path, arm="two-joint")).fit().auto()
     assert [step.added for step in run.steps] == ["", "drift@joint2"]
     assert run.verdict.quiet
-    assert after.model.value(f"drift.joint2.{ANEW}") == pytest.approx(1.0, abs=0.1)
+    assert after.model.value(f"drift.joint2.{RESET}") == pytest.approx(1.0, abs=0.1)
     assert after.model.value("drift.joint2.T_s") == pytest.approx(CONSTANT_S, rel=0.25)
     held_out = run.steps[-1].held_out
     assert held_out is not None
@@ -54,8 +54,8 @@ def test_one_session_leaves_its_beginning_open(lab: Arm) -> None:
     t = np.linspace(0.0, 600.0, 20)
     once = replace(poses_of(np.zeros((20, lab.dof))), t=t, running=t)
     twice = replace(once, running=np.where(t < 300.0, t, t - 300.0))
-    assert ANEW not in drift.shapes_to_try(once)
-    assert drift.shapes_to_try(twice)[ANEW] == (0.0, 1.0)
+    assert RESET not in drift.shapes_to_try(once)
+    assert drift.shapes_to_try(twice)[RESET] == (0.0, 1.0)
     same = (0.01, 0.0, 200.0)
     np.testing.assert_array_equal(drift.amounts(once, (), (*same, 0.0)), drift.amounts(once, (), (*same, 1.0)))
     apart = np.array(drift.amounts(twice, (), (*same, 0.0))) - np.array(drift.amounts(twice, (), (*same, 1.0)))

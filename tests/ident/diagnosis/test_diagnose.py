@@ -362,8 +362,8 @@ def test_a_cause_that_makes_repeats_differ_is_not_taken_for_noise(lab: Arm, seed
 
 @pytest.mark.long
 def test_few_repeats_do_not_show_that_nothing_is_missing(lab: Arm) -> None:
-    """Before: by eight repeated poses an error of 1.3 to 1.5 times the noise was not surely more (p = 0.012), so no cause
-    was looked for. Among some arms with a faint gain such tests accept several, and the gain is named all the same."""
+    """Before: eight repeated poses did not show an error of 1.4 times the noise to be more (p = 0.012), so no cause was
+    looked for. Among some arms with a faint gain that test accepts several, and the gain is named all the same."""
     gain = effects_at(lab, "servo_gain@joint3")
     model = model_of(lab, gain, dict.fromkeys(gain[0].keys, 0.004))
     accepted = 0

@@ -358,7 +358,7 @@ WITHOUT_TWIN = {
     "self_heating": "its twin HeatedServo is in validation/hidden_effects/memory.py",
     "slip": "its twin SlippingHorn is in validation/hidden_effects/memory.py",
     "tool_compliance": "its twin is in tests/ident/diagnosis/test_soft_mount.py",
-    "unsettled": "its twin is in tests/ident/diagnosis/test_read_too_early.py",
+    "settling_error": "its twin is in tests/ident/diagnosis/test_read_too_early.py",
 }
 
 

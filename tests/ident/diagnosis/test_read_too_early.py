@@ -36,9 +36,9 @@ def test_a_tracker_that_is_read_too_early_is_named_and_the_arm_at_rest_deployed(
 
     study = lrm.Study.of(lrm.load(path, arm="two-joint")).fit()
     run, after = study.auto()
-    assert [step.added for step in run.steps] == ["", "unsettled@frame"]
+    assert [step.added for step in run.steps] == ["", "settling_error@frame"]
     assert run.verdict.quiet
-    assert after.model.value("unsettled.frame.e_rad_per_rad") == pytest.approx(SHARE, rel=0.1)
+    assert after.model.value("settling_error.frame.e_rad_per_rad") == pytest.approx(SHARE, rel=0.1)
     deployed = run.steps[-1].held_out
     assert deployed is not None
     assert deployed.deployed is not None

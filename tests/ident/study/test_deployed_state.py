@@ -52,7 +52,7 @@ def fitted(data: Measurements, *names: str) -> Study:
     wanted = [
         key
         for key in keys
-        if not key.endswith(("_per_K", "T_s", "stood_s", "rest_s", "late_s_per_s", "anew_s_per_s"))
+        if not key.endswith(("_per_K", "T_s", "stood_s", "rest_s", "late_s_per_s", "reset_s_per_s"))
         and "alpha" not in key
         and "step3" not in key
     ]

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.registration import reading_check
-from lrm_ident.data.registration.point_set import Scored
+from lrm_ident.data.registration.point_set import ScoredReading
 from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
 from lrm_math.arm.arm import Arm
 
 Patch = pytest.MonkeyPatch
 
 
-def scored(share: float, name: str = "", complexity: int = 1, overdetermined: bool = True) -> Scored:
+def scored(share: float, name: str = "", complexity: int = 1, overdetermined: bool = True) -> ScoredReading:
     hypothesis: Any = SimpleNamespace(words=name, complexity=complexity)
-    return Scored(hypothesis, share, 1.0, overdetermined)
+    return ScoredReading(hypothesis, share, 1.0, overdetermined)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_few_poses_are_held_to_the_largest_error_alone() -> None:
     assert not ReadingCheck(scored(0.35, overdetermined=False), ()).right
 
 
-def found(lab: Arm, patch: Patch, read: Scored, *others: Scored) -> list[str]:
+def found(lab: Arm, patch: Patch, read: ScoredReading, *others: ScoredReading) -> list[str]:
     """Names of the readings that a check finds among some, the data being read as `read`."""
     poses: Any = SimpleNamespace(q=np.arange(12.0)[:, None], take=lambda _: poses)
     data: Any = SimpleNamespace(poses=poses, tcp=np.zeros((12, 3)), stated=None)
@@ -58,7 +58,7 @@ def found(lab: Arm, patch: Patch, read: Scored, *others: Scored) -> list[str]:
     return [one.hypothesis.words for one in checked.found]
 
 
-def nothing(*_: object) -> Iterator[Scored]:
+def nothing(*_: object) -> Iterator[ScoredReading]:
     return iter(())
 
 

@@ -31,9 +31,9 @@ def campaign(arm: Arm, session: tuple[int, ...] | None = None, shuffle: bool = F
 
 def late(arm: Arm) -> Model:
     """The lab arm with springs, read too early."""
-    names = ("offsets", "compliance", "unsettled@frame")
+    names = ("offsets", "compliance", "settling_error@frame")
     effects = tuple(effect for name in names for effect in effects_at(arm, name))
-    values = {"compliance.joint2.k_rad_per_Nm": 0.05, "unsettled.frame.e_rad_per_rad": SHARE}
+    values = {"compliance.joint2.k_rad_per_Nm": 0.05, "settling_error.frame.e_rad_per_rad": SHARE}
     return model_of(arm, effects, values)
 
 
@@ -49,7 +49,7 @@ def stopped_short(poses: Poses) -> Poses:
 @pytest.mark.parametrize("shuffle", [False, True])
 def test_each_joint_lacks_a_share_of_its_last_move(lab: Arm, shuffle: bool) -> None:
     poses, model = campaign(lab, shuffle=shuffle), late(lab)
-    settled = model.with_values_of(["unsettled.frame.e_rad_per_rad"], [0.0])
+    settled = model.with_values_of(["settling_error.frame.e_rad_per_rad"], [0.0])
     np.testing.assert_allclose(
         solve_equilibrium(model, poses).tcp, solve_equilibrium(settled, stopped_short(poses)).tcp, atol=1e-8
     )
@@ -57,7 +57,7 @@ def test_each_joint_lacks_a_share_of_its_last_move(lab: Arm, shuffle: bool) -> N
 
 def test_the_first_pose_of_a_session_lacks_nothing(lab: Arm) -> None:
     poses = campaign(lab, (1,) * 20 + (2,) * 20)
-    [effect] = effects_at(lab, "unsettled@frame")
+    [effect] = effects_at(lab, "settling_error@frame")
     amounts = np.array(effect.amounts(poses, (), (1.0,)))
     assert not amounts[:, [0, 20]].any()
     np.testing.assert_allclose(amounts[:, 1], poses.q[0] - poses.q[1])
@@ -67,7 +67,7 @@ def test_the_arm_does_not_keep_it(lab: Arm) -> None:
     """Deployed is the arm at rest; with the readings of the measurement the model that was at rest nowhere counts."""
     poses, model = campaign(lab), late(lab)
     model = model.with_state(state_after_session(solve_equilibrium(model, poses)))
-    rest = model.with_values_of(["unsettled.frame.e_rad_per_rad"], [0.0])
+    rest = model.with_values_of(["settling_error.frame.e_rad_per_rad"], [0.0])
     found = [solve_equilibrium(one, poses).tcp for one in (as_deployed(model), as_deployed_when_read(model, poses))]
     np.testing.assert_allclose(found[0], solve_equilibrium(rest, poses).tcp, atol=1e-12)
     np.testing.assert_allclose(found[1], solve_equilibrium(model, poses).tcp, atol=1e-12)

@@ -10,10 +10,10 @@ from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.kinematics.poses import Poses
 
 
-class Unsettled(LinearEffect):
+class SettlingError(LinearEffect):
     """Poses that were measured before the joints had come to rest: a fault of the measurement, not of the arm."""
 
-    id = "unsettled"
+    id = "settling_error"
     depends_on = ("session",)
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
