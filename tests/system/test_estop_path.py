@@ -71,11 +71,11 @@ def test_the_reply_says_that_the_ramp_has_it(harness: DaemonHarness) -> None:
         harness.wait_for_mode("estop")
 
 
-def test_the_router_has_a_thread_for_each_of_many_clients_and_goes_before_ordinary_work(harness: DaemonHarness) -> None:
-    router = harness.daemon.child("router")
+def test_the_router_has_a_thread_for_each_of_many_clients_and_goes_before_ordinary_work(own: DaemonHarness) -> None:
+    router = own.daemon.child("router")
     names = [path.read_text().strip() for path in Path(f"/proc/{router}/task").glob("*/comm")]
     assert len({name for name in names if name.startswith("rx-")}) == 16
-    said = "router_priority" in harness.daemon.codes()
+    said = "router_priority" in own.daemon.codes()
     assert said or os.getpriority(os.PRIO_PROCESS, router) == NICENESS
 
 
