@@ -163,46 +163,6 @@ def history_of(
     return History(Visits(q[order], payload[order], step, begins, stated, t is not None, start=start), row)
 
 
-def followed(
-    history: History,
-    driver: Array,
-    constant: Number,
-    stood: Number = np.inf,
-    rest: Number = 0.0,
-    late: Number = 0.0,
-    start: float = 0.0,
-) -> tuple[Number, Number]:
-    """Memory dc/dt = (driver − c)/T at N poses: the part that is left of what was before, and the share of their own.
-
-    Between two poses the arm holds the first one for the share `late` of the time or more, and the second one for the
-    last `stood` seconds at most. The memory is the first more the second times the pose's own `driver`; each is (N,),
-    or a number for one pose.
-
-    Args:
-        driver: (M,), what is followed, at all visits. constant: T (s). stood: s; they may carry derivatives, too.
-        rest: s that the first pose of a session had been held before its reading; before that there was no load.
-        start: c before the first visit of a record (`Visits.begun`), for which stood, rest and late do not count.
-    """
-    past, own = differentiable(
-        lambda *shapes: _followed(history.visits, driver, start, *shapes), constant, stood, rest, late
-    )
-    return history.own(past), history.own(own)
-
-
-def remembered(
-    visits: Visits,
-    driver: Array,
-    constant: float,
-    stood: float = np.inf,
-    rest: float = 0.0,
-    late: float = 0.0,
-    start: float = 0.0,
-) -> Array:
-    """(M,), the memory c of `followed` at the end of each visit."""
-    past, own = _followed(visits, driver, start, constant, stood, rest, late)
-    return np.asarray(past + own * driver)
-
-
 def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tuple[Any, ...]:
     """Values of a function of shape parameters that may carry derivatives, by complex steps (Squire & Trapp 1998)."""
     given = [x.value if isinstance(x, Dual) else x for x in shapes]
@@ -216,19 +176,49 @@ def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tupl
     return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
 
 
-def _followed(
-    visits: Visits, driver: Array, start: float, constant: Any, stood: Any, rest: Any, late: Any
+def course(
+    visits: Visits,
+    driver: Array,
+    start: float,
+    constant: Any,
+    stood: Any = np.inf,
+    rest: Any = 0.0,
+    late: Any = 0.0,
 ) -> tuple[Array, Array]:
-    """The same at all visits."""
+    """Memory dc/dt = (driver − c)/T at M visits: the part left of what was before, and the share of each one's own.
+
+    Between two poses the arm holds the first one for the share `late` of the time or more, and the second one for the
+    last `stood` seconds at most. The memory is the first more the second times the pose's own `driver`; each is (M,).
+
+    Args:
+        driver: (M,), what is followed. constant: T (s). stood: s; they may be complex (`differentiable`).
+        rest: s that the first pose of a session had been held before its reading; before that there was no load.
+        start: c before the first visit of a record (`Visits.begun`), for which stood, rest and late do not count.
+    """
     if visits.begun is not None:
         stood, rest, late = np.inf, visits.step[0], 0.0
     step, there = np.where(visits.begins, rest, visits.step), (1.0 - late) * visits.step
     last = np.where(visits.begins, step, np.where(np.real(stood) < np.real(there), stood, there))
     kept, after = np.exp(-step / constant), np.exp(-last / constant)
-    past, own = np.zeros_like(kept), 1.0 - after
-    state = before = start
-    rows = zip(visits.begins.tolist(), kept.tolist(), after.tolist(), own.tolist(), driver.tolist(), strict=True)
-    for i, (begins, a, b, share, now) in enumerate(rows):
-        past[i] = a * start if begins else a * state + (b - a) * before
-        state, before = past[i] + share * now, now
-    return past, own
+    own, going_on = 1.0 - after, np.where(visits.begins, 0.0, kept)
+    begun = np.where(visits.begins, kept * start, (after - kept) * np.append(start, driver)[:-1])
+    memory = _recurrence(going_on, begun + own * driver, start)
+    return begun + going_on * np.append(start, memory)[:-1], own
+
+
+def _recurrence(factor: Array, added: Array, start: float) -> Array:
+    """(M,), x_i = a_i x_(i−1) + b_i from a start, in log₂ M steps that each double how far back a row has looked (Kogge
+    & Stone 1973)."""
+    a, x, back = factor.copy(), added.copy(), 1
+    x[:1] += a[:1] * start
+    while back < len(x):
+        x[back:] += a[back:] * x[:-back]
+        a[back:] *= a[:-back]
+        back *= 2
+    return x
+
+
+def remembered(visits: Visits, driver: Array, start: float, *shapes: float) -> Array:
+    """(M,), the memory of a `course` at the end of each visit; arguments as there."""
+    past, own = course(visits, driver, start, *shapes)
+    return np.asarray(past + own * driver)

@@ -93,6 +93,10 @@ class EquilibriumSearch:
         return self.model.gravity(self.poses)
 
     @cached_property
+    def _weights(self) -> tuple[statics.Weight, ...]:
+        return self.model.weights(self.poses.carried)
+
+    @cached_property
     def _levers(self) -> Array:
         """(M,), motion of the TCP by each of them at most (m/rad, or 1)."""
         chain, reach = self.model.chain, self.model.binding.reach
@@ -135,8 +139,8 @@ class EquilibriumSearch:
 
     def _loads(self, now: SlotIterate) -> list[Number]:
         """Loads on the model's `load_slots`, those included that effects put on them."""
-        model, weights = self.model, self.model.weights(self.poses.carried)
-        tau = statics.loads(model.chain, now.slots, now.angles, weights, self._gravity, model.load_slots)
+        model = self.model
+        tau = statics.loads(model.chain, now.slots, now.angles, self._weights, self._gravity, model.load_slots)
         return [load + self.applied.get(k, 0.0) for k, load in zip(model.load_slots, tau, strict=True)]
 
     def _bent(self, tau: list[Number]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from lrm_math.effects.base import Amounts, Description, Extrapolation, Parameter
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import Number, chain_of
 from lrm_math.kinematics.dual import Dual
-from lrm_math.kinematics.history import Visits, followed, remembered
+from lrm_math.kinematics.history import Visits, course, differentiable, remembered
 from lrm_math.kinematics.poses import Poses
 
 LONG_S = 1e5
@@ -84,15 +84,14 @@ class _SlowSpring(EffectWithMemory):
         of this one among those of the effect."""
         if poses.history is None:
             return [a * load for a, load in zip(k, tau, strict=True)]
-        held = poses.history.visits.loads(chain_of(self.arm), self.load_slots)
-        out: list[Number] = []
-        for a, load, borne, start in zip(k, tau, held.T, self._began(poses.history.visits, pace), strict=True):
-            past, own = (
-                followed(poses.history, borne, constant, stood, rest, late, start)
-                if isinstance(a, Dual) or a
-                else (0.0, 0.0)
-            )
-            out.append(a * (past + own * load))
+        shapes, out = (constant, stood, rest, late), list[Number]()
+        for motion, (a, load) in enumerate(zip(k, tau, strict=True)):
+            if isinstance(a, Dual) or a:
+                course = partial(_course, self, poses.history.visits, pace, motion)
+                past, own = map(poses.history.own, differentiable(course, *shapes))
+                out.append(a * (past + own * load))
+            else:
+                out.append(0.0)
         return out
 
     def lagging(
@@ -101,12 +100,19 @@ class _SlowSpring(EffectWithMemory):
         """(M,) for each motion: the load c that its deflection has reached at the end of each visit (N·m)."""
         held = visits.loads(chain_of(self.arm), self.load_slots)
         starts = self._began(visits, pace)
-        return tuple(remembered(visits, x, constant, stood, rest, late, c) for x, c in zip(held.T, starts, strict=True))
+        return tuple(remembered(visits, x, c, constant, stood, rest, late) for x, c in zip(held.T, starts, strict=True))
 
     def _began(self, visits: Visits, pace: int) -> tuple[float, ...]:
         """The same of one pace before the first visit."""
         size = len(self.targets)
         return self.began(visits)[pace * size : (pace + 1) * size]
+
+
+@lru_cache(maxsize=16)  # an equilibrium asks again at every iteration, a fit that holds the shapes at every step
+def _course(effect: _SlowSpring, visits: Visits, pace: int, motion: int, *shapes: complex) -> tuple[Array, Array]:
+    """`course` of one motion at one pace of an effect, at all visits."""
+    held = visits.loads(chain_of(effect.arm), effect.load_slots)[:, motion]
+    return course(visits, held, effect._began(visits, pace)[motion], *shapes)
 
 
 STOOD = Parameter(

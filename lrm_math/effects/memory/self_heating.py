@@ -8,7 +8,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts, Description, Extrapolation, JointEffect, Parameter
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import chain_of
-from lrm_math.kinematics.history import Visits, followed, remembered
+from lrm_math.kinematics.history import Visits, course, differentiable, remembered
 from lrm_math.kinematics.poses import Poses
 
 
@@ -37,14 +37,16 @@ class SelfHeating(EffectWithMemory, JointEffect):
         zero, gain, constant = p
         if poses.history is None:
             return (0.0,)
-        held, [start] = self._losses(poses.history.visits), self.began(poses.history.visits)
-        past, own = followed(poses.history, held, constant, start=start)
+        visits = poses.history.visits
+        held, [start] = self._losses(visits), self.began(visits)
+        parts = differentiable(lambda slow: course(visits, held, start, slow), constant)
+        past, own = map(poses.history.own, parts)
         return ((zero + gain * poses.angle(self.joint)) * (past + own * poses.history.own(held)),)
 
     def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
         """θ (N²m²)."""
         [start] = self.began(visits)
-        return (remembered(visits, self._losses(visits), p[2], start=start),)
+        return (remembered(visits, self._losses(visits), start, p[2]),)
 
     def _losses(self, visits: Visits) -> Array:
         """(M,), τ² at all visits (N²m²)."""
