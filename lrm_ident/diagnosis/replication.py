@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.diagnosis.screening.candidates import FORM
+from lrm_ident.diagnosis.screening.column_sets import columns_of, side_by_side
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.screening.screen import Screening
@@ -52,12 +53,12 @@ def _chosen(screening: Screening, halves: Halves, own: int, rivals: Collection[i
     """Whether candidate number `own` predicts both halves better than nothing, and none of the rivals does better."""
     if min(map(len, halves)) < 2:
         return False
-    linear = _in_halves(screening.linear, halves)
-    columns = np.empty_like(screening.sets.columns)
-    columns[screening.linear.order] = screening.sets.columns
-    estimates = linear.explain_each(linear.in_folds(columns[linear.order], screening.sets.stacks))
-    held_out, before = estimates[own].held_out, linear.baseline.held_out
-    others = np.array([estimates[number].held_out for number in rivals]).reshape(-1, len(before))
+    linear, place = _in_halves(screening.linear, halves), columns_of(screening.sets.stacks)
+    each = [screening.sets.columns[:, place[number]] for number in (own, *rivals)]
+    columns, stacks = side_by_side(each, len(linear.residual))
+    rows = np.argsort(screening.linear.order)[linear.order]
+    held_out, *rest = (one.held_out for one in linear.explain_each(linear.in_folds(columns[rows], stacks)))
+    others, before = np.array(rest).reshape(-1, len(held_out)), linear.baseline.held_out
     return all(
         paired_z(held_out[half], before[half]) >= ONE_DEVIATION
         and not (paired_z_of_each(others[:, half], held_out[half]) > Z_THRESHOLD).any()
