@@ -20,6 +20,7 @@ from lrm_ident.diagnosis.contradiction import can_be_contradicted, levels_of_its
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.screening.column_sets import stacks_of
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.held_out import HeldOutBlock
@@ -189,9 +190,10 @@ def chosen(own: tuple[float, float], rival: tuple[float, float], patch: Patch) -
         explain_each=lambda _: estimates,
         in_folds=lambda *_: None,
         order=np.arange(POSES),
+        residual=np.zeros(POSES),
     )
     patch.setattr(replication, "_in_halves", lambda *_: linear)
-    sets = SimpleNamespace(columns=np.zeros((POSES, 1)), stacks=None)
+    sets = SimpleNamespace(columns=np.zeros((POSES, 2)), stacks=stacks_of([1, 1]))
     return replication._chosen(SimpleNamespace(linear=linear, sets=sets), halves, 0, [1])  # type: ignore[arg-type]
 
 
