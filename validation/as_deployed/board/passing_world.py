@@ -65,7 +65,7 @@ class PassingWorld:
     def afterwards(self, board: Path) -> Iterator[TrackerFrame]:
         """Frames of the world that goes on: pushed, leaning, and warming up again from this power-on.
 
-        The daemon follows a named warm-up from the power-on of the joints, so an arm that is warm then would be another.
+        The daemon follows a named warm-up from the power-on of the joints; an arm that is warm then would be another.
         """
         return map(self._pushed, frames(board, *self.passing, self.seed))
 
