@@ -27,7 +27,6 @@ class WorkbenchSession:
         folder: where every step is kept as a file as soon as it is taken.
         taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
         opened: the measurements at hand, as they were read. stale: whether their file has changed since.
-        poses: the next poses to measure that were chosen last, or why there are none.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
@@ -42,7 +41,6 @@ class WorkbenchSession:
     offered: tasks.OpenFiles | None = None
     opened: OpenedData | None = None
     stale: bool = False
-    poses: tasks.PosesResult | None = None
     version: int = 0
     drawn: int = 0
     _waiting: tasks.WorkTask | None = None
@@ -130,17 +128,18 @@ class WorkbenchSession:
         step = self._steady()
         if not step.shown.diagnosed:
             raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
-        self._begin(tasks.PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.taken.done)}.csv"))
+        kept = self.folder / f"{step.files.data.stem}-{len(self.taken.done)}-next.csv"
+        self._begin(tasks.PosesTask(step.files, step.packed, kept))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
         step = self._steady()
-        if self.taken.law is None or self.taken.law.file is None:
-            raise LrmError("no law is proposed; press Propose a law first")
+        if self.taken.found is None or not self.taken.found.effect:
+            raise LrmError("no law is proposed; press Propose a formula first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
-        files = replace(step.files, effects_file=self.taken.law.file)
-        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.law.name))
+        files = replace(step.files, effects_file=self.taken.found.file)
+        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.found.effect))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
@@ -253,14 +252,10 @@ class WorkbenchSession:
         elif isinstance(message, tasks.StepResult):
             self.taken = with_step(self.taken, self._at_work, message)
             self._noted()
-        elif isinstance(message, tasks.LawResult | tasks.PosesResult):
+        elif isinstance(message, tasks.FoundResult):
             done = (*self.taken.done, *([message.command] if message.command else []))
-            self.taken = replace(self.taken, done=done)
-            if isinstance(message, tasks.LawResult):
-                self.taken = replace(self.taken, law=message)
-                self._noted()
-            else:
-                self.poses = message
+            self.taken = replace(self.taken, found=message, done=done)
+            self._noted()
         elif isinstance(message, tasks.WorkDone):
             self.progress = None
             if message.failure:

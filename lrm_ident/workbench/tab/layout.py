@@ -68,7 +68,7 @@ class WorkbenchPage:
         self.session = session
         self.chosen: dict[str, str] | None = None
         self.seen = self.drawn = -1
-        self.law, self.poses = session.taken.law, session.poses
+        self.found = session.taken.found
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
@@ -162,14 +162,10 @@ class WorkbenchPage:
         self.seen = session.version
         self.work.show()
         self._show_advised()
-        if session.taken.law is not self.law:
-            self.law = session.taken.law
-            if self.law is not None:
-                dialogs.law_dialog(self.law, session, self._do)
-        if session.poses is not self.poses:
-            self.poses = session.poses
-            if self.poses is not None:
-                dialogs.poses_dialog(self.poses)
+        if session.taken.found is not self.found:
+            self.found = session.taken.found
+            if self.found is not None:
+                dialogs.found_dialog(self.found, session, self._do)
         shown = session.shown
         if shown is None or self.drawn == session.drawn:
             return
@@ -184,10 +180,10 @@ class WorkbenchPage:
         ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 
     def _numbers(self, found: str) -> str:
-        law = self.session.taken.law
+        last = self.session.taken.found
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
         notes = section_html("What to know of the files", notices)
-        return notes + section_html("Proposed law", "" if law is None else law.words) + found
+        return notes + ("" if last is None else section_html(html.escape(last.sentence), last.words)) + found
 
     # ---- doing
 

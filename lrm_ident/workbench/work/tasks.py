@@ -117,26 +117,20 @@ class StepResult:
 
 
 @dataclass(frozen=True)
-class LawResult:
-    """A proposed law: what `propose` prints, as HTML, and the `command`; its file and name, if a law is proposed."""
+class FoundResult:
+    """What was searched for: a law, or poses to measure next.
 
-    words: str
-    command: DoneCommand
-    file: Path | None = None
-    name: str = ""
+    Attributes:
+        sentence: what there is. words: what the command prints, as HTML; or the `problem`. file: None without a result.
+        effect: that the law adds. arms: JSON of the arm's frames at the poses (mm).
+    """
 
-
-@dataclass(frozen=True)
-class PosesResult:
-    """The next poses to measure: what they will tell, what `design` prints, as HTML, or the `problem`; the `command`;
-    `arms`: JSON of the arm's frames at every pose (mm)."""
-
-    data: str
+    sentence: str
     words: str = ""
-    table: str = ""
     problem: str = ""
     command: DoneCommand | None = None
-    sentence: str = ""
+    file: Path | None = None
+    effect: str = ""
     arms: str = "[]"
 
 
@@ -191,7 +185,7 @@ class PosesTask(StepTask):
     """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not."""
 
 
-WorkMessage = WorkProgress | WorkNotice | StepResult | LawResult | PosesResult | WorkDone
+WorkMessage = WorkProgress | WorkNotice | StepResult | FoundResult | WorkDone
 """What comes back of a task: any number of results, at last whether it is done."""
 Send = Callable[[WorkMessage], None]
 WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask | PosesTask
