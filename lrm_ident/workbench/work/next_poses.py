@@ -81,7 +81,7 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> FoundResul
     arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
     arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
     arguments += ("--model", str(asked.files.model), "--have", str(asked.files.data), "-o", str(asked.kept))
-    shown = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
+    shown = [*(f"Not for a stronger rival: {words.removesuffix('.')}." for words in refused), *document.whole]
     arms = arm_lines(solve_equilibrium(model_of(arm, ()), chosen.poses))
     write_text(asked.kept, pose_table(chosen).csv())
     return FoundResult(
