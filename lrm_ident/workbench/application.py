@@ -118,7 +118,7 @@ def _add_routes(session: WorkbenchSession, recorded: tuple[Path, Path] | None) -
         return JSONResponse({"opened": sorted(contents)})
 
     answers = {
-        "values": lambda: _text(session.shown.values if session.shown else None, "application/json"),
+        "values": lambda: _text(session.step.values if session.step else None, "application/json"),
         "report": report,
         "motion": motion,
     }

@@ -53,11 +53,6 @@ class WorkbenchSession:
         return self.taken.last
 
     @property
-    def shown(self) -> tasks.StepView | None:
-        """View of the last step."""
-        return self.step.shown if self.step else None
-
-    @property
     def busy(self) -> bool:
         """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
         return self.worker.task is not None and not isinstance(self.worker.task, tasks.DiagnoseTask)
@@ -70,17 +65,17 @@ class WorkbenchSession:
     @property
     def can_choose_poses(self) -> bool:
         """Whether a diagnosis says what poses are for."""
-        return self.ready and self.step is not None and self.step.shown.diagnosed
+        return self.ready and self.step is not None and self.step.diagnosed
 
     @property
     def can_diagnose(self) -> bool:
         """Whether the last step has no diagnosis, and none is under way."""
-        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
+        return self.step is not None and not self.step.diagnosed and self.worker.task is None
 
     @property
     def can_undo(self) -> bool:
         """Whether the model has a step to take back."""
-        return not self.busy and self.shown is not None and self.shown.before is not None
+        return not self.busy and self.step is not None and self.step.before is not None
 
     @property
     def can_redo(self) -> bool:
@@ -126,7 +121,7 @@ class WorkbenchSession:
     def next_poses(self) -> None:
         """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
         step = self._steady()
-        if not step.shown.diagnosed:
+        if not step.diagnosed:
             raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
         kept = self.folder / f"{step.files.data.stem}-{len(self.taken.done)}-next.csv"
         self._begin(tasks.PosesTask(step.files, step.packed, kept))
@@ -144,11 +139,11 @@ class WorkbenchSession:
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
         step = self._ready()
-        if step.shown.before is None:
+        if step.before is None:
             raise LrmError("nothing to undo: the model's history has no step before this one")
         self._give_way()
         kept = self.new_file()
-        write_text(kept, step.shown.before)
+        write_text(kept, step.before)
         self.taken = without_last(self.taken, kept)
         self._noted()
         if self.step is not None and self.step.files.model == kept:
@@ -222,7 +217,7 @@ class WorkbenchSession:
         """Writes the model, with the checks of the commands. Raises `FileError`."""
         step = self._ready()
         check_outputs({"the model": path}, [step.files.data])
-        write_text(path, step.shown.model)
+        write_text(path, step.model)
 
     # ---- what comes back
 
@@ -286,7 +281,7 @@ class WorkbenchSession:
         """Notes what is open now, for a session to come, and watches the file of its measurements."""
         step = self.step
         if step is not None:
-            files, sha256 = step.files, step.shown.data_sha256
+            files, sha256 = step.files, step.data_sha256
             note_session(self.folder, files)
             if self.opened is None or (self.opened.path, self.opened.sha256) != (files.data, sha256):
                 self.opened = keep_opened(files.data, sha256, self.folder)
@@ -308,7 +303,7 @@ class WorkbenchSession:
 
     def _diagnose(self) -> None:
         step = self.step
-        waits = step is not None and not step.shown.diagnosed and not self.stale
+        waits = step is not None and not step.diagnosed and not self.stale
         if step is not None and waits and self.followed is None and self.worker.task is None:
             self._begin(tasks.DiagnoseTask(step.files, step.packed))
 

@@ -49,7 +49,7 @@ def with_step(taken: TakenSteps, task: tasks.WorkTask | None, step: tasks.StepRe
         same = last is not None and last.files == step.files
         return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
     if last is not None and last.files.model == step.files.model:
-        same = last.shown.data_sha256 == step.shown.data_sha256
+        same = last.data_sha256 == step.data_sha256
         return replace(taken, steps=(*taken.steps[:-1], step), undone=taken.undone if same else None)
     return replace(taken, steps=(*taken.steps, step))
 
@@ -59,7 +59,7 @@ def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     last, earlier, before = taken.steps[-1], taken.steps[:-1], taken
     taken = replace(taken, undone=before)
     done = (*taken.done, tasks.DoneCommand(("undo", last.files.model, "-o", kept)))
-    if earlier and earlier[-1].shown.model == last.shown.before:
+    if earlier and earlier[-1].model == last.before:
         known = replace(earlier[-1], files=replace(last.files, model=kept))
         return replace(taken, steps=(*earlier[:-1], known), done=done)
     return replace(taken, steps=earlier, done=done)

@@ -40,7 +40,7 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
     """Asks where to write the model. Raises `LrmError` if there is none."""
     if session.step is None:
         raise LrmError("no model is open yet")
-    model = session.step.shown.model
+    model = session.step.model
     with _dialog("lrm-save", "save the model") as dialog:
         proposed = Path.cwd() / f"{session.step.files.data.stem}-best.toml"
         path = ui.input("Write the model to", value=str(proposed)).classes("lrm-full")

@@ -163,7 +163,8 @@ def step_found(
 ) -> tasks.StepResult:
     """Result of a step: title, verdict, figures and tables of its report, for the page."""
     file = found.file
-    shown = tasks.StepView(
+    return tasks.StepResult(
+        files,
         title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
         data_sha256=found.poses.sha256,
         diagnosed=found.diagnosis is not None,
@@ -172,8 +173,9 @@ def step_found(
         numbers=numbers_html(found),
         model=model_text(file),
         before=model_text(undo_step(file)) if len(file.history) > 1 else None,
+        packed=pickle.dumps(found),
+        command=command,
     )
-    return tasks.StepResult(files, shown, pickle.dumps(found), command)
 
 
 def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:

@@ -80,16 +80,18 @@ class DoneCommand:
 
 
 @dataclass(frozen=True)
-class StepView:
-    """View of a step on the page.
+class StepResult:
+    """A step.
 
     Attributes:
-        title: arm, file, and how many poses. data_sha256: of the measurements.
+        files: with its model. title: arm, file, and how many poses. data_sha256: of the measurements.
         diagnosed: whether there is a diagnosis; complete: whether that finds nothing missing.
-        values: JSON of the figures. numbers: all tables, as HTML.
+        values: JSON of the figures. numbers: all tables, as HTML. packed: all that is known so far.
         model: text of the model file; before: that without the last step, or None if there is none to take back.
+        command: that took it, None where more is known of one that was taken.
     """
 
+    files: OpenFiles
     title: str
     data_sha256: str
     diagnosed: bool
@@ -97,17 +99,8 @@ class StepView:
     numbers: str
     model: str
     before: str | None
+    packed: bytes = b""
     complete: bool = False
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """A step: the files with its model, what is shown of it, and all that is known of it so far, packed; the `command`
-    that took it, None where more is known of one that was taken."""
-
-    files: OpenFiles
-    shown: StepView
-    packed: bytes
     command: DoneCommand | None = None
 
     @cached_property
