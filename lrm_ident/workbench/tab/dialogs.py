@@ -21,7 +21,7 @@ Do = Callable[[Callable[[], object]], object]
 def found_dialog(found: FoundResult, session: WorkbenchSession, do: Do) -> None:
     """Shows what a search found and offers its file, and the button that adds a law; or says why there is nothing."""
     with _dialog("lrm-found", "result of the search", "lrm-wide") as dialog:
-        ui.label(found.sentence).classes("lrm-verdict")
+        ui.label(found.sentence).classes("lrm-verdict text-weight-bold")
         ui.html('<div id="lrm-next-arms" class="lrm-arms"></div>', sanitize=False)
         with _buttons(dialog, "close-found"):
             if found.effect:
