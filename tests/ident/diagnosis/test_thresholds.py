@@ -237,7 +237,7 @@ CASES: dict[str, Case] = {
     "EQUIVALENT_GAIN": (of_one_class, 0.45, 0.55),
     "SIMILAR_GAIN": (saves_as_much, 0.75, 0.85),
     "SMALL_SHARE": (takes_enough, 0.14, 0.16),
-    "MAX_UNEXPLAINED_RATIO": (much_is_left, 0.10, 0.12),
+    "MAX_UNEXPLAINED_RATIO": (much_is_left, 0.31, 0.36),
     "NEGLIGIBLE": (no_excess, 0.9e-3, 1.1e-3),
     "VERY_STRONG": (needs_too_many_parameters, 9.0, 11.0),
     "MIN_DETECTABLE": (detectable, 2.7, 3.3),
