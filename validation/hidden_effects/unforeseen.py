@@ -112,7 +112,7 @@ ALONE = _cases(
     (LAB, "thrust", "axial_play@joint3", lambda by: links.HelicalThrust(2, by.size(2.0 * MM), 0.05)),
     (UR5, "fan", "drift@joint2", lambda by: memory.FanCycles(2, by.sign() * by.size(1.2 * DEG), 960.0)),
     (SO101, "ringing", None, lambda by: tracker.RingingTip(by.size(0.004), 7)),
-    (SO101, "belt", None, lambda by: joints.BeltPolygon(2, 20, by.size(0.5 * DEG))),
+    (SO101, "belt", "gear_ripple@joint2", lambda by: joints.BeltPolygon(2, 20, by.size(0.5 * DEG))),
 )
 FRESH_ALONE = _cases(
     FRESH,
