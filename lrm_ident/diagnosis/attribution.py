@@ -2,8 +2,8 @@
 
 A cause that the catalogue lacks is taken in part by effects that resemble it, and the rest of it stays as structure or
 as error above the noise. So what stays unexplained bounds what may have been named wrongly: where it is not small
-beside what an effect took away, the effect may stand for that cause. What later effects took that show no cause counts
-as unexplained too, unless they are forms of effects that are there.
+beside what an effect took away, the effect may stand for that cause. What other effects took that show no cause counts
+as unexplained too, be it before or after, unless they are forms of effects that are there.
 """
 
 from __future__ import annotations
@@ -53,16 +53,27 @@ def unexplained_ratio(explained: float, left: float) -> float:
 
 
 def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tuple[StepAttribution, ...]:
-    """Attributions of successive steps, of each the held-out mean square that it took away, and the evidence for it.
+    """Attributions of the steps of a run, of each the held-out mean square that it took away, and the evidence for it.
+
+    Whatever their order: the largest set of steps of which each shows a cause beside what the others leave unexplained.
 
     left: held-out mean square that stays unexplained after the last one.
     """
-    attributions: list[StepAttribution] = []
-    for explained, step in reversed(steps):
-        attributions.append(StepAttribution(support_of(explained, left, step), left))
-        if attributions[-1].kind != Support.FINDING and not step.of_present:
-            left += max(explained, 0.0)
-    return tuple(reversed(attributions))
+    shown = [True] * len(steps)
+    while True:
+        unnamed = [
+            0.0 if show or step.of_present else max(explained, 0.0)
+            for show, (explained, step) in zip(shown, steps, strict=True)
+        ]
+        attributions = tuple(
+            StepAttribution(support_of(explained, others, step), others)
+            for number, (explained, step) in enumerate(steps)
+            for others in [left + sum(unnamed[:number]) + sum(unnamed[number + 1 :])]
+        )
+        findings = [one.kind == Support.FINDING for one in attributions]
+        if findings == shown:
+            return attributions
+        shown = findings
 
 
 def unexplained_mean_square(report: DiagnosisReport) -> float:

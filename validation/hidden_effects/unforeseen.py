@@ -107,12 +107,12 @@ ALONE = _cases(
     (SO101, "jaw", None, _jaw),
     (UR5, "mat", None, lambda by: tracker.FoamMat(0.26, by.size(0.04))),
     (SO101, "walking-base", MOVED_BASE, lambda by: links.WalkingBase(by.size(0.0012), 60.0 * DEG)),
-    (LAB, "clutch", "change_point@joint3", lambda by: memory.SlippingClutch(3, 0.2, by.size(0.009))),
+    (LAB, "clutch", "change_point@joint3 slip@joint3", lambda by: memory.SlippingClutch(3, 0.2, by.size(0.009))),
     (LAB, "hose", LAST_MASSES, lambda by: HangingHose(by.size(0.15))),
     (LAB, "thrust", "axial_play@joint3", lambda by: links.HelicalThrust(2, by.size(2.0 * MM), 0.05)),
     (UR5, "fan", "drift@joint2", lambda by: memory.FanCycles(2, by.sign() * by.size(1.2 * DEG), 960.0)),
     (SO101, "ringing", None, lambda by: tracker.RingingTip(by.size(0.004), 7)),
-    (SO101, "belt", None, lambda by: joints.BeltPolygon(2, 20, by.size(0.5 * DEG))),
+    (SO101, "belt", "gear_ripple@joint2", lambda by: joints.BeltPolygon(2, 20, by.size(0.5 * DEG))),
 )
 FRESH_ALONE = _cases(
     FRESH,

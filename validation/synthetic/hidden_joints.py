@@ -181,7 +181,11 @@ class ToothRipple(JointError):
 
 @dataclass(frozen=True)
 class BeltPolygon(JointError):
-    """A toothed belt that lies round its small wheel as a polygon: a ripple of every tooth. No name says so."""
+    """A toothed belt that lies round its small wheel as a polygon: a ripple of every tooth.
+
+    Right: gear_ripple, which the tool has since: a wave of as many cycles a turn as teeth, the first harmonic of these
+    arcs, has 90/π⁴ = 92 % of their square.
+    """
 
     teeth: int
     size_rad: float

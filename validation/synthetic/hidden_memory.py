@@ -334,7 +334,8 @@ class SessionStep(JointError):
 class SlippingClutch(JointError):
     """A servo saver that slips by and by under large torques, and stays where it slipped to.
 
-    Right: change_point (what slips stands elsewhere later); a drift would say that it warms up.
+    Right: change_point (what slips stands elsewhere later), or slip, which the tool has since: a zero that steps
+    towards the joint's load, the further the larger it is, and stays. A drift would say that it warms up.
     """
 
     limit_nm: float

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from pathlib import Path
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +17,7 @@ from lrm_ident.diagnosis.attribution import (
     attribute_steps,
     attribution_of,
     explained_by_first,
+    support_of,
     unexplained_ratio,
 )
 from lrm_ident.diagnosis.auto import run_auto
@@ -66,13 +69,41 @@ Course = list[tuple[float, Evidence]]
 @given(st.lists(steps, max_size=8), st.floats(0.0, 20.0))
 def test_attributions_of_any_sequence_of_steps(course: Course, left: float) -> None:
     found = attribute_steps(course, left)
-    for number, ((explained, step), one) in enumerate(zip(course, found, strict=True)):
-        later = zip(course[number + 1 :], found[number + 1 :], strict=True)
-        no_cause = [taken for (taken, each), other in later if other.kind != "finding" and not each.of_present]
+    for (explained, step), one in zip(course, found, strict=True):
+        others = [each for each in zip(course, found, strict=True) if each[1] is not one]
+        no_cause = [taken for (taken, each), other in others if other.kind != "finding" and not each.of_present]
         assert one.unexplained == pytest.approx(left + sum(max(taken, 0.0) for taken in no_cause))
         assert (one.kind == "description") == step.describes
         assert one.kind != "finding" or one.unexplained <= MAX_UNEXPLAINED_RATIO * explained
         assert one.kind != "finding" or (step.replicates and explained > 0.0)
+
+
+whole = st.tuples(st.integers(-1, 30).map(float), steps.map(lambda step: step[1]))
+"""A step that takes a whole number: sums are exact, in any order."""
+
+
+@given(st.lists(whole, max_size=8), st.integers(0, 20), st.randoms())
+def test_what_shows_a_cause_does_not_depend_on_the_order_of_steps(course: Course, left: int, by: Random) -> None:
+    """Before: what an effect took that shows no cause did not count against the steps after it."""
+    order = list(range(len(course)))
+    by.shuffle(order)
+    straight, shuffled = attribute_steps(course, left), attribute_steps([course[number] for number in order], left)
+    assert [one.kind for one in shuffled] == [straight[number].kind for number in order]
+
+
+@given(st.lists(whole, max_size=6), st.integers(0, 20))
+def test_no_larger_set_of_steps_would_show_causes(course: Course, left: int) -> None:
+    """Of all sets whose members each show a cause beside what the others leave unexplained, it is the largest."""
+    found = {number for number, one in enumerate(attribute_steps(course, left)) if one.kind == Support.FINDING}
+    for size in range(len(course) + 1):
+        for chosen in map(set, combinations(range(len(course)), size)):
+            rest = left + sum(
+                max(taken, 0.0)
+                for number, (taken, each) in enumerate(course)
+                if number not in chosen and not each.of_present
+            )
+            holds = all(support_of(course[number][0], rest, course[number][1]) == Support.FINDING for number in chosen)
+            assert not holds or chosen <= found
 
 
 def report(before: float, after: float, noise: float, replicates: bool = True) -> Any:
