@@ -15,7 +15,6 @@ from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.measuring.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
-    FLOOR_RATIO,
     MIN_GAIN,
     PROMISING,
     SIGNIFICANCE,
@@ -25,6 +24,9 @@ from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.motion_model import MotionCatalogue
 
 BY_CHANCE = float(ndtr(-Z_THRESHOLD))
+TRIED_FROM = 1.05
+"""Held-out error over the noise from which on effects are tried: the noise is measured at stops, to about 5 %. It
+saves time; what is named has to predict better by more than chance in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +80,23 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
     others = [kind(arm, place) for kind in catalogue if kind.id not in present]
     reasons = [(effect, effect.missing_excitation(data.drive)) for effect in others]
     refused = tuple((effect, reason) for effect, reason in reasons if reason is not None)
-    if before.held_out_rms <= FLOOR_RATIO * noise:
+    if before.held_out_rms <= TRIED_FROM * noise:
         return JointScreening(before, noise, (), refused)
-    found = [_candidate(before, effect, tried) for effect, reason in reasons if reason is None]
-    found.sort(key=lambda one: (one.verdict != Support.SUPPORTED, one.held_out or np.inf))
+    found = _ordered([_candidate(before, effect, tried) for effect, reason in reasons if reason is None])
     best = found[0] if found and found[0].verdict == Support.SUPPORTED else None
     alike = () if best is None else _equivalent(before, best, found[1:])
     return JointScreening(before, noise, tuple(found), refused, alike)
+
+
+def _ordered(found: Sequence[MotionCandidate]) -> list[MotionCandidate]:
+    """The best first; a term that names no cause goes before causes only where it predicts better than all of them."""
+    order = sorted(found, key=lambda one: (one.verdict != Support.SUPPORTED, one.held_out or np.inf))
+    causes = [one for one in order if one.effect.names_a_cause]
+    terms = [one for one in order if not one.effect.names_a_cause]
+    if not causes or causes[0].verdict != Support.SUPPORTED:
+        return order
+    better = [one for one in terms if one.verdict == Support.SUPPORTED and is_worse(causes[0].fit, one.fit)]
+    return [*better, *causes, *(one for one in terms if one not in better)]
 
 
 def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
@@ -147,6 +159,7 @@ def _equivalent(before: JointFit, best: MotionCandidate, others: Sequence[Motion
         one.effect.name
         for one in others
         if one.verdict == Support.SUPPORTED
+        and one.effect.names_a_cause
         and one.held_out is not None
         and before.held_out_rms**2 - one.held_out**2 >= least
         and not is_worse(one.fit, best.fit)
