@@ -22,8 +22,10 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.motion.effects import (
     MOTION_EFFECTS,
+    AccelerationLimit,
     CoulombFriction,
     DeadTime,
+    Drag,
     MotionPlay,
     RestOffset,
     ServoResponse,
@@ -93,6 +95,17 @@ def test_hidden_dead_time_is_found_and_every_step_is_held_out() -> None:
     for document in (comparison_document(own), motion_document(own, "x"), auto_document(own, own.judged(), "m")):
         assert document.json()
         assert document.text()
+
+
+def test_a_cause_that_a_term_without_a_name_outdoes_is_not_identified() -> None:
+    own = MotionStudy.of(moves(drag=0.03), (ServoResponse, RestOffset, AccelerationLimit, Drag)).fit()
+    found = own.screen([JOINT])
+    assert [one.effect.id for one in found[0].candidates] == ["drag", "acceleration_limit"]
+    assert "No cause identified. The best empirical term" in diagnosis_document(own, found).text(200)
+    auto = own.auto()
+    assert [(one.effect.id, one.kind, one.identified) for one in auto.judged()] == [("drag", "description", False)]
+    assert auto.model.values["drag.joint2.n_ratio"] == pytest.approx(2.0, abs=0.1)
+    assert auto.fits[JOINT].held_out_rms < 1.3 * auto.moves.noise[JOINT]
 
 
 def test_a_model_comes_back_from_its_file(tmp_path: Path) -> None:
