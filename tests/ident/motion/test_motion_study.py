@@ -61,6 +61,17 @@ def test_moves_are_whole_and_their_lead_does_not_count() -> None:
     assert np.degrees(found.noise[JOINT]) == pytest.approx(0.043, rel=0.15)
 
 
+def test_noise_is_what_does_not_follow_of_a_trembling_command() -> None:
+    rng = np.random.default_rng(0)
+    frames = recording()
+    tremor = np.radians(0.03) * rng.normal(size=frames.command.shape)
+    follows = 1.5 * tremor + np.pad(tremor[:-2], ((2, 0), (0, 0)))
+    read = frames.feedback + follows + np.radians(0.02) * rng.normal(size=tremor.shape)
+    found = moves_of(replace(frames, command=frames.command + tremor, feedback=read), ARM, Path("x")).noise
+    plain = moves_of(frames, ARM, Path("x")).noise
+    np.testing.assert_allclose(found, np.hypot(plain, np.radians(0.02)), rtol=0.15)
+
+
 def test_a_sound_servo_is_identified_and_nothing_is_missing() -> None:
     own = study("nothing")
     values, sigma = own.model.values, own.model.sigma
