@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from validation.synthetic.example import ARM_FILE
 REST_SD_M, FRAME_SD_M = 0.0002, 0.0001
 """Per axis: error of a rest, and of a frame beside it. Together below the 0.5 mm of Conenna 2024, section 5.3."""
 FRAME_S = 0.015
+DAY_S = 86400.0
 """s of the computer's clock between frames."""
 STILL = 1e-9
 """rad."""
@@ -112,12 +113,15 @@ def track(truth_of: Callable[[ArmDescription, int], GroundTruth]) -> None:
 
 
 def send(frames_of: Callable[[Path, int], Iterator[TrackerFrame]]) -> None:
-    """Sends the frames of a board and a seed until the board or the parent process ends; from the command line."""
+    """Sends the frames of a board and a seed until the board or the parent process ends; from the command line.
+
+    They carry the computer's time, by which the daemon follows what time changes, not that of a board that runs faster.
+    """
     board, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     sender, parent = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), os.getppid()
     with suppress(ControlError, KeyboardInterrupt):
         for frame in frames_of(board, seed):
-            sender.sendto(dtrack_text(frame), ("127.0.0.1", port))
+            sender.sendto(dtrack_text(replace(frame, t=time.time() % DAY_S)), ("127.0.0.1", port))
             time.sleep(FRAME_S)
             if os.getppid() != parent:
                 return

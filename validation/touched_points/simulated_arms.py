@@ -2,7 +2,7 @@
 
 Each is jogged (torque on) until its tip is in a socket: 60 touches, five sockets at three placements; commands are
 those of 4096 counts a turn, and the tip sits in a socket within 0.15 mm per axis. Placements and postures are those of
-`lrm-ident sockets plan`. A tracker of that noise measures the same poses. Then
+`lrm-ident sockets plan`. A tracker of that noise measures as many poses, planned alike (`--tracker-poses`: fewer). Then
 `auto` names what is missing, and both calibrations predict the tip at 100 fresh poses, up to a rigid motion, since
 neither where a board nor where a tracker stands is known. Six arms are those of the independent generator.
 """
@@ -267,52 +267,80 @@ def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
     return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
 
 
-def of_case(number: int, case: Cause, seed: int, most: int, count: int) -> tuple[bool, float]:
-    """Prints one row; whether the name is right or nothing wrong was claimed, and the ratio of tip errors."""
-    tips = case.tips(seed)
-    q, names, where, seen = touched(tips, seed, count)
-    board = SocketBoard()
+def by_sockets(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
+    """So many touches, as the tool reads them."""
+    q, names, where, _ = touched(tips, seed, count)
+    columns = {"point": names, "placement": [f"p{k}" for k in where]}
+    return loaded(folder, q, columns, SocketBoard().metadata("so101"))
+
+
+def by_tracker(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
+    """The poses of so many touches, measured by a tracker of the same noise, as the tool reads them."""
+    q, _, _, seen = touched(tips, seed, count)
+    noisy = 1e3 * (seen + np.random.default_rng([seed, 69]).normal(0.0, NOISE_M, seen.shape))
+    columns = {f"{axis}_mm": [f"{value:.4f}" for value in noisy[:, k]] for k, axis in enumerate("xyz")}
+    return loaded(folder, q, columns, 'schema = "lrm/measurements/1"\narm = "so101"\n')
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """One arm: whether nothing wrong was named by sockets, and both errors of the tip (mm RMS)."""
+
+    honest: bool
+    sockets_mm: float
+    tracker_mm: float
+
+
+def of_case(
+    touched_arm: Cause, tracked_arm: Cause, number: int, seed: int, most: int, counts: tuple[int, int]
+) -> Calibrated:
+    """Prints one row; counts are touches and the tracker's poses."""
+    tips, tracked_tips = touched_arm.tips(seed), tracked_arm.tips(seed)
     with tempfile.TemporaryDirectory() as folder:
-        touches = loaded(
-            Path(folder), q, {"point": names, "placement": [f"p{k}" for k in where]}, board.metadata("so101")
-        )
-        rng = np.random.default_rng([seed, 69])
-        columns = {f"{axis}_mm": [f"{1e3 * v:.4f}" for v in seen[:, k] + rng.normal(0, NOISE_M, len(seen))]
-                   for k, axis in enumerate("xyz")}  # fmt: skip
-        added, verdict, study = identified(touches, most)
-        tracked = loaded(Path(folder), q, columns, 'schema = "lrm/measurements/1"\narm = "so101"\n')
-        by_tracker, _, other = identified(tracked, most)
+        added, verdict, study = identified(by_sockets(tips, seed, counts[0], Path(folder)), most)
+        others, _, other = identified(by_tracker(tracked_tips, seed, counts[1], Path(folder)), most)
     first = added[0] if added else NOTHING
     found = effects_at(ARM, first) if first else ()
     forms = variants(found[0]) if found else ()
-    named = bool({first, *forms} & {*case.right})
+    named = bool({first, *forms} & {*touched_arm.right})
     honest = named or not added or any(verdict == word for word in ("effect_describes", "unexplained_structure"))
-    errors = tip_error_mm(study, tips, seed), tip_error_mm(other, tips, seed)
+    result = Calibrated(honest, tip_error_mm(study, tips, seed), tip_error_mm(other, tracked_tips, seed))
     said = "right" if named else "honest" if honest else "WRONG"
-    names = [", ".join(one) or "-" for one in (added, by_tracker)]
-    numbers = " | ".join(f"{value:.2f}" for value in (*errors, errors[0] / errors[1]))
-    print(f"{number} | {case.words} | {names[0]} ({verdict}) | {said} | {names[1]} | {numbers}", flush=True)
-    return honest, errors[0] / errors[1]
+    names = [", ".join(one) or "-" for one in (added, others)]
+    numbers = f"{result.sockets_mm:.2f} | {result.tracker_mm:.2f} | {result.sockets_mm / result.tracker_mm:.2f}"
+    print(f"{number} | {touched_arm.words} | {names[0]} ({verdict}) | {said} | {names[1]} | {numbers}", flush=True)
+    return result
 
 
 def main() -> None:
     """Prints a row for each arm, and the counts."""
-    more = {"only": ("", "numbers of cases by commas"), "most": (2, "effects that auto may add"), "touches": TOUCHES}
-    options = asked(__doc__, seed=1, **more)
-    every = cases(options.touches)
+    options = asked(
+        __doc__,
+        seed=1,
+        only=("", "numbers of cases by commas"),
+        most=(2, "effects that auto may add"),
+        touches=TOUCHES,
+        tracker_poses=(0, "poses that the tracker measures; 0: as many as touches"),
+    )
+    counts = options.touches, options.tracker_poses or options.touches
+    arms = tuple(zip(cases(counts[0]), cases(counts[1]), strict=True))
     chosen = [int(word) for word in options.only.split(",") if word] or range(1, len(CASES) + 1)
     print("case | hidden | by sockets (verdict) | name | by tracker | sockets mm | tracker mm | ratio")
     found = []
     for number in chosen:
         try:
-            found.append(of_case(number, every[number - 1], options.seed + number, options.most, options.touches))
+            found.append(of_case(*arms[number - 1], number, options.seed + number, options.most, counts))
         except NoEquilibrium as error:
             print(f"{number} | {CASES[number - 1].words} | {error}")
-    honest, ratios = sum(ok for ok, _ in found), [ratio for _, ratio in found]
-    near = sum(ratio <= 1.5 for ratio in ratios)
+    honest = sum(one.honest for one in found)
+    near = sum(one.sockets_mm <= 1.5 * one.tracker_mm for one in found)
+    sockets, tracker = (
+        float(np.sqrt(np.mean(np.square([getattr(one, key) for one in found])))) for key in ("sockets_mm", "tracker_mm")
+    )
     print(
         f"{honest} of {len(chosen)} named right or honest; {near} of {len(chosen)} within 1.5 times the tracker's error"
     )
+    print(f"all arms, mm RMS: {sockets:.3f} by sockets, {tracker:.3f} by the tracker, {sockets / tracker:.2f} times")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Tracker of the arm of a seed, warm, pushed and leaning: `BOARD PORT SEED`, until it is ended."""
+"""Tracker of the arm of a seed, warming up anew, pushed and leaning: `BOARD PORT SEED`, until it is ended."""
 
 from __future__ import annotations
 

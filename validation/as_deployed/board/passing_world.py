@@ -63,8 +63,11 @@ class PassingWorld:
             yield self._pushed(frame) if frame.t >= PUSHED_AT_S else frame
 
     def afterwards(self, board: Path) -> Iterator[TrackerFrame]:
-        """Frames of the world that goes on: warm, pushed, leaning."""
-        return map(self._pushed, frames(board, *self.lasting, self.seed))
+        """Frames of the world that goes on: pushed, leaning, and warming up again from this power-on.
+
+        The daemon follows a named warm-up from the power-on of the joints; an arm that is warm then would be another.
+        """
+        return map(self._pushed, frames(board, *self.passing, self.seed))
 
     def known(self, board: Path) -> Iterator[TrackerFrame]:
         """The same on a level base: nothing passes while it is measured, so that a plain fit has all causes."""
@@ -78,7 +81,7 @@ class PassingWorld:
 
     @property
     def lasting(self) -> tuple[ArmDescription, GroundTruth]:
-        """The arm as it goes on: leaning and warm."""
+        """The arm as it goes on, for models without a daemon: leaning and warm."""
         return self._leaning, self._truth(self._warm)
 
     @property
