@@ -268,7 +268,7 @@ def _noise(frames: LeRobotFrames, dt: float) -> Array:
     n = frames.feedback.shape[1]
     seen, told = np.concatenate([*bends, np.empty((0, n))]), np.concatenate([*causes, np.empty((0, lags + 1, n))])
     scatter = [np.sqrt(_unexplained(told[:, :, joint], seen[:, joint]) / 6.0) for joint in range(n)]
-    return np.maximum(scatter, ENCODER_SD)
+    return np.asarray(np.maximum(scatter, ENCODER_SD))
 
 
 def _unexplained(columns: Array, values: Array) -> float:
