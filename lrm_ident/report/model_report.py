@@ -20,7 +20,7 @@ from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
-from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, of_data, step_cards
+from lrm_ident.report.step_card import StepCard, of_data, step_cards
 from lrm_ident.report.story import Kind, Story, story_of
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
@@ -111,7 +111,7 @@ class ModelReport:
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
         candidates: the best ones beside the data (`candidate_view`), in the order of the ranking.
         marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
-        cards: of the steps after the first. judged: by number of the step, the diagnosis that came after it.
+        cards: of the steps after the first. judged: by number of the step, the verdict that came after it.
     """
 
     file: ModelFile
@@ -124,7 +124,7 @@ class ModelReport:
     candidates: tuple[Mapping[str, Any], ...] = ()
     marked: Mapping[str, tuple[int, ...]] | None = None
     cards: tuple[StepCard, ...] = ()
-    judged: Mapping[int, EarlierDiagnosis] | None = None
+    judged: Mapping[int, str] | None = None
 
     @property
     def verdict(self) -> str:
@@ -177,10 +177,7 @@ class ModelReport:
         return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
 
     def document(self) -> Document:
-        """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
-        parts = [part for part in (self.diagnosis, self.comparison) if part is not None]
-        tables = history_table(self.file), self.parameters, provenance_table(self.file)
-        blocks = [*(block for part in parts for block in part.whole), *tables]
+        """Values of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
         values = {
             "comparison": None if self.comparison is None else self.comparison.values,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.values,
@@ -190,7 +187,7 @@ class ModelReport:
             "sigma": self.file.sigma,
             "provenance": None if self.file.provenance is None else self.file.provenance.model_dump(exclude_none=True),
         }
-        return Document(blocks, "lrm/report/1", values)
+        return Document([], "lrm/report/1", values)
 
 
 def models_of_steps(study: Study) -> list[tuple[str, Model]]:
@@ -223,10 +220,8 @@ def quick_report(study: Study) -> ModelReport:
 
 
 def after_step(found: ModelReport, before: ModelReport) -> ModelReport:
-    """A report of a model after a step from another, whose diagnosis is kept beside the step."""
-    if before.diagnosis is None:
-        return replace(found, judged=before.judged)
-    return replace(found, judged={**(before.judged or {}), len(before.file.history) - 1: judgement(before.diagnosis)})
+    """A report of a model after a step from another, whose verdict is kept beside the step."""
+    return replace(found, judged={**(before.judged or {}), len(before.file.history) - 1: before.verdict})
 
 
 def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.evidence import Evidence
-from lrm_ident.report.diagnosis.conclusion import Conclusion
-from lrm_ident.report.document import Document
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_ident.residual.covariates import Covariate
@@ -25,14 +22,6 @@ from lrm_math.model.model_file import HistoryTable, ModelFile
 RIVALS_KEPT = 4
 AS_WELL = 0.05
 """Share of an effect's error by which another that explains as much may leave more."""
-
-
-@dataclass(frozen=True)
-class EarlierDiagnosis:
-    """Diagnosis of a model before a step was taken: its verdict, and the sentence on every candidate by its name."""
-
-    verdict: str
-    why: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -64,31 +53,17 @@ class StepCard:
         return all(left * 1e3 > (1.0 + AS_WELL) * after for left in self.evidence.rivals.values())
 
 
-def judgement(diagnosis: Document) -> EarlierDiagnosis:
-    """Record of a diagnosis once an effect has been added."""
-    ranking: Sequence[Mapping[str, str]] = diagnosis.values["ranking"]  # type: ignore[assignment]
-    why = {str(EffectRef(one["effect"], one["place"])): str(one["why"]) for one in ranking}
-    return EarlierDiagnosis(cast(Conclusion, diagnosis.values["conclusion"]).headline, why)
+def rivals(card: StepCard) -> tuple[tuple[str, str], ...]:
+    """The effects that came next to a step's own, and what each would have left, of steps that kept it.
 
-
-def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, str], ...]:
-    """The effects that came next to a step's own, and why they were not taken; with what could not be told apart first.
-
-    Without a judgement it is known what these alone would have left, of steps that kept it.
+    Those that could not be told apart come first.
     """
-    why = _alone(card.evidence.rivals or {}) if judged is None else judged.why
-    names = dict.fromkeys((*card.evidence.equivalent, *why))
-    others = [name for name in names if name != card.name][:RIVALS_KEPT]
-    return tuple((name, why.get(name, "these poses cannot distinguish it")) for name in others)
-
-
-def _alone(rivals: Mapping[str, float]) -> dict[str, str]:
-    free = {kind.id for kind in FREE_FORMS}
-    curve = {
-        name: "; a smooth curve (spline), with more parameters" if EffectRef.parse(name).id in free else ""
-        for name in rivals
-    }
-    return {name: f"alone it would have left {in_mm(left)} mm{curve[name]}" for name, left in rivals.items()}
+    known, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
+    why = dict.fromkeys(card.evidence.equivalent, "these poses cannot distinguish it")
+    for name, left in known.items():
+        curve = "; a smooth curve (spline), with more parameters" if EffectRef.parse(name).id in free else ""
+        why[name] = f"alone it would have left {in_mm(left)} mm{curve}"
+    return tuple((name, words) for name, words in why.items() if name != card.name)[:RIVALS_KEPT]
 
 
 def of_data(entry: HistoryTable, sha256: str) -> bool:

@@ -6,7 +6,6 @@ import asyncio
 import tempfile
 import webbrowser
 from pathlib import Path
-from urllib.parse import quote
 
 from fastapi import Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
@@ -18,7 +17,6 @@ from lrm_ident.workbench.gate import Gate
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.layout import FILES, WorkbenchPage
 from lrm_ident.workbench.work.session_files import keep_dropped, task_for
-from lrm_ident.workbench.work.tasks import PosesResult
 from lrm_math.errors import LrmError
 
 TITLE, TICK_S = "lrm-ident workbench", 0.03
@@ -89,11 +87,6 @@ def _add_routes(session: WorkbenchSession, recorded: tuple[Path, Path] | None) -
         for file in files:
             app.add_static_file(local_file=file, url_path=f"{folder}/{file.name}", max_cache_age=0)
 
-    def poses() -> Response:
-        """The next poses, to be saved."""
-        found = session.poses or PosesResult("")
-        return _text(found.table, "text/csv", f"{Path(found.data).stem}-next.csv", "no poses are chosen yet")
-
     def report() -> Response:
         """The report of the last step, in a thread of its own, since it loads what computes."""
         from lrm_ident.workbench.html_report import html_report
@@ -125,9 +118,7 @@ def _add_routes(session: WorkbenchSession, recorded: tuple[Path, Path] | None) -
         return JSONResponse({"opened": sorted(contents)})
 
     answers = {
-        "values": lambda: _text(session.shown.values if session.shown else None, "application/json"),
-        "model": lambda: _text(session.shown.model if session.shown else None, "application/toml", "model.toml"),
-        "poses": poses,
+        "values": lambda: _text(session.step.values if session.step else None, "application/json"),
         "report": report,
         "motion": motion,
     }
@@ -136,9 +127,6 @@ def _add_routes(session: WorkbenchSession, recorded: tuple[Path, Path] | None) -
     app.add_api_route("/lrm/drop", drop, methods=["POST"], response_model=None)
 
 
-def _text(text: str | None, kind: str, name: str = "", missing: str = "no model is open yet") -> Response:
-    """A text of a media type, to be saved under a name if it has one; 404 and what is missing where there is none."""
-    if not text:
-        return PlainTextResponse(missing, status_code=404)
-    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"} if name else {}
-    return Response(text, media_type=kind, headers=headers)
+def _text(text: str | None, kind: str, missing: str = "no model is open yet") -> Response:
+    """A text of a media type; 404 and what is missing where there is none."""
+    return Response(text, media_type=kind) if text else PlainTextResponse(missing, status_code=404)

@@ -27,7 +27,6 @@ class WorkbenchSession:
         folder: where every step is kept as a file as soon as it is taken.
         taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
         opened: the measurements at hand, as they were read. stale: whether their file has changed since.
-        poses: the next poses to measure that were chosen last, or why there are none.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
@@ -42,7 +41,6 @@ class WorkbenchSession:
     offered: tasks.OpenFiles | None = None
     opened: OpenedData | None = None
     stale: bool = False
-    poses: tasks.PosesResult | None = None
     version: int = 0
     drawn: int = 0
     _waiting: tasks.WorkTask | None = None
@@ -53,11 +51,6 @@ class WorkbenchSession:
     def step(self) -> tasks.StepResult | None:
         """The last step."""
         return self.taken.last
-
-    @property
-    def shown(self) -> tasks.StepView | None:
-        """View of the last step."""
-        return self.step.shown if self.step else None
 
     @property
     def busy(self) -> bool:
@@ -72,17 +65,17 @@ class WorkbenchSession:
     @property
     def can_choose_poses(self) -> bool:
         """Whether a diagnosis says what poses are for."""
-        return self.ready and self.step is not None and self.step.shown.diagnosed
+        return self.ready and self.step is not None and self.step.diagnosed
 
     @property
     def can_diagnose(self) -> bool:
         """Whether the last step has no diagnosis, and none is under way."""
-        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
+        return self.step is not None and not self.step.diagnosed and self.worker.task is None
 
     @property
     def can_undo(self) -> bool:
         """Whether the model has a step to take back."""
-        return not self.busy and self.shown is not None and self.shown.before is not None
+        return not self.busy and self.step is not None and self.step.before is not None
 
     @property
     def can_redo(self) -> bool:
@@ -128,28 +121,29 @@ class WorkbenchSession:
     def next_poses(self) -> None:
         """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
         step = self._steady()
-        if not step.shown.diagnosed:
+        if not step.diagnosed:
             raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
-        self._begin(tasks.PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.taken.done)}.csv"))
+        kept = self.folder / f"{step.files.data.stem}-{len(self.taken.done)}-next.csv"
+        self._begin(tasks.PosesTask(step.files, step.packed, kept))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
         step = self._steady()
-        if self.taken.law is None or self.taken.law.file is None:
-            raise LrmError("no law is proposed; press Propose a law first")
+        if self.taken.found is None or not self.taken.found.effect:
+            raise LrmError("no law is proposed; press Propose a formula first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
-        files = replace(step.files, effects_file=self.taken.law.file)
-        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.law.name))
+        files = replace(step.files, effects_file=self.taken.found.file)
+        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.found.effect))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
         step = self._ready()
-        if step.shown.before is None:
+        if step.before is None:
             raise LrmError("nothing to undo: the model's history has no step before this one")
         self._give_way()
         kept = self.new_file()
-        write_text(kept, step.shown.before)
+        write_text(kept, step.before)
         self.taken = without_last(self.taken, kept)
         self._noted()
         if self.step is not None and self.step.files.model == kept:
@@ -223,7 +217,7 @@ class WorkbenchSession:
         """Writes the model, with the checks of the commands. Raises `FileError`."""
         step = self._ready()
         check_outputs({"the model": path}, [step.files.data])
-        write_text(path, step.shown.model)
+        write_text(path, step.model)
 
     # ---- what comes back
 
@@ -253,14 +247,10 @@ class WorkbenchSession:
         elif isinstance(message, tasks.StepResult):
             self.taken = with_step(self.taken, self._at_work, message)
             self._noted()
-        elif isinstance(message, tasks.LawResult | tasks.PosesResult):
+        elif isinstance(message, tasks.FoundResult):
             done = (*self.taken.done, *([message.command] if message.command else []))
-            self.taken = replace(self.taken, done=done)
-            if isinstance(message, tasks.LawResult):
-                self.taken = replace(self.taken, law=message)
-                self._noted()
-            else:
-                self.poses = message
+            self.taken = replace(self.taken, found=message, done=done)
+            self._noted()
         elif isinstance(message, tasks.WorkDone):
             self.progress = None
             if message.failure:
@@ -291,7 +281,7 @@ class WorkbenchSession:
         """Notes what is open now, for a session to come, and watches the file of its measurements."""
         step = self.step
         if step is not None:
-            files, sha256 = step.files, step.shown.data_sha256
+            files, sha256 = step.files, step.data_sha256
             note_session(self.folder, files)
             if self.opened is None or (self.opened.path, self.opened.sha256) != (files.data, sha256):
                 self.opened = keep_opened(files.data, sha256, self.folder)
@@ -313,7 +303,7 @@ class WorkbenchSession:
 
     def _diagnose(self) -> None:
         step = self.step
-        waits = step is not None and not step.shown.diagnosed and not self.stale
+        waits = step is not None and not step.diagnosed and not self.stale
         if step is not None and waits and self.followed is None and self.worker.task is None:
             self._begin(tasks.DiagnoseTask(step.files, step.packed))
 

@@ -19,12 +19,12 @@ class TakenSteps:
     """Steps, the last one being the model, with what was done as commands.
 
     Attributes:
-        law: the last proposed law. count: how many names of files were given away.
+        found: by the last search since the step. count: how many names of files were given away.
         undone: what there was before the last `undo`, which `redo` gives back; None after anything else.
     """
 
     steps: tuple[tasks.StepResult, ...] = ()
-    law: tasks.LawResult | None = None
+    found: tasks.FoundResult | None = None
     done: tuple[tasks.DoneCommand, ...] = ()
     count: int = 0
     undone: TakenSteps | None = None
@@ -44,12 +44,12 @@ def with_step(taken: TakenSteps, task: tasks.WorkTask | None, step: tasks.StepRe
         goes_on = taken.done[-1].words[:3] == step.command.words[:3]
         done = (*taken.done[: -1 if goes_on else None], step.command)
         count = taken.count + isinstance(task, tasks.AutoTask)
-        return replace(taken, steps=(*taken.steps, step), law=None, done=done, count=count, undone=None)
+        return replace(taken, steps=(*taken.steps, step), found=None, done=done, count=count, undone=None)
     if isinstance(task, tasks.DiagnoseTask):
         same = last is not None and last.files == step.files
         return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
     if last is not None and last.files.model == step.files.model:
-        same = last.shown.data_sha256 == step.shown.data_sha256
+        same = last.data_sha256 == step.data_sha256
         return replace(taken, steps=(*taken.steps[:-1], step), undone=taken.undone if same else None)
     return replace(taken, steps=(*taken.steps, step))
 
@@ -59,7 +59,7 @@ def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     last, earlier, before = taken.steps[-1], taken.steps[:-1], taken
     taken = replace(taken, undone=before)
     done = (*taken.done, tasks.DoneCommand(("undo", last.files.model, "-o", kept)))
-    if earlier and earlier[-1].shown.model == last.shown.before:
+    if earlier and earlier[-1].model == last.before:
         known = replace(earlier[-1], files=replace(last.files, model=kept))
         return replace(taken, steps=(*earlier[:-1], known), done=done)
     return replace(taken, steps=earlier, done=done)

@@ -12,42 +12,35 @@ from nicegui import ui
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.taken_steps import commands_text
-from lrm_ident.workbench.work.tasks import LawResult, PosesResult, section_html
+from lrm_ident.workbench.work.tasks import FoundResult
 from lrm_math.errors import LrmError
 
 Do = Callable[[Callable[[], object]], object]
 
 
-def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
-    """Shows what the search for a law found, and the button that adds it."""
-    with _dialog("lrm-law", "proposed law", "lrm-wide") as dialog:
-        ui.html(law.words, sanitize=False).classes("lrm-numbers")
-        with _buttons(dialog, "close-law"):
-            if law.file is not None:
-                _button("Add the law", lambda: _closing(dialog, do, session.add_law))
-        if law.file is not None:
-            ui.label(f"Kept in {law.file}: read it, and say what causes it.").classes("lrm-small")
-
-
-def poses_dialog(poses: PosesResult) -> None:
-    """Shows the next poses to measure and offers their file; or says why there are none."""
-    title = f"No poses were chosen after those of {poses.data}" if poses.problem else poses.sentence
-    with _dialog("lrm-next-poses", "next poses", "lrm-wide") as dialog:
-        ui.label(title).classes("lrm-verdict")
+def found_dialog(found: FoundResult, session: WorkbenchSession, do: Do) -> None:
+    """Shows what a search found and offers its file, and the button that adds a law; or says why there is nothing."""
+    with _dialog("lrm-found", "result of the search", "lrm-wide") as dialog:
+        ui.label(found.sentence).classes("lrm-verdict text-weight-bold")
         ui.html('<div id="lrm-next-arms" class="lrm-arms"></div>', sanitize=False)
-        with _buttons(dialog, "close-poses"):
-            if poses.table:
-                _button("Download CSV", lambda: ui.run_javascript("window.location = '/lrm/poses'"))
-        if poses.problem:
-            ui.label(poses.problem).classes("lrm-failure").props("role=alert")
-        ui.html(section_html("Figures of the design", poses.words), sanitize=False).classes("lrm-numbers")
-        ui.run_javascript(f"setTimeout(() => lrm.nextPoses({poses.arms}))")
+        with _buttons(dialog, "close-found"):
+            if found.effect:
+                _button("Add the law", lambda: _closing(dialog, do, session.add_law))
+            if found.file is not None:
+                _button("Download", partial(ui.download.file, found.file))
+        if found.effect:
+            ui.label(f"Kept in {found.file}: read it, and say what causes it.").classes("lrm-small")
+        if found.problem:
+            ui.label(found.problem).classes("lrm-failure").props("role=alert")
+        ui.html(found.words, sanitize=False).classes("lrm-numbers")
+        ui.run_javascript(f"setTimeout(() => lrm.nextPoses({found.arms}))")
 
 
 def save_dialog(session: WorkbenchSession, do: Do) -> None:
     """Asks where to write the model. Raises `LrmError` if there is none."""
     if session.step is None:
         raise LrmError("no model is open yet")
+    model = session.step.model
     with _dialog("lrm-save", "save the model") as dialog:
         proposed = Path.cwd() / f"{session.step.files.data.stem}-best.toml"
         path = ui.input("Write the model to", value=str(proposed)).classes("lrm-full")
@@ -65,7 +58,7 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
 
         with _buttons(dialog):
             _button("Save", lambda: do(save))
-            _button("Download", lambda: ui.run_javascript("window.location = '/lrm/model'"))
+            _button("Download", lambda: ui.download.content(model, "model.toml"))
 
 
 def commands_dialog(session: WorkbenchSession) -> None:

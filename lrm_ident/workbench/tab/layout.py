@@ -68,7 +68,7 @@ class WorkbenchPage:
         self.session = session
         self.chosen: dict[str, str] | None = None
         self.seen = self.drawn = -1
-        self.law, self.poses = session.taken.law, session.poses
+        self.found = session.taken.found
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
@@ -127,14 +127,14 @@ class WorkbenchPage:
 
     def _advised(self) -> tuple[str, PageAction]:
         """What the primary button does now, by its name: Add, as soon as an effect is chosen."""
-        session, shown = self.session, self.session.shown
+        session, step = self.session, self.session.step
         if self.chosen is not None:
             add = "add the chosen effect and refit everything (A)"
             return "add", PageAction(f"Add: {self.chosen['title']}", self._add, add, "a", "ready")
-        if shown is None or not shown.diagnosed:
+        if step is None or not step.diagnosed:
             words = "Diagnose" if session.can_diagnose else "Diagnosing…"
             return "diagnose", PageAction(words, session.diagnose, MISSING, "", "can_diagnose")
-        if shown.complete:
+        if step.complete:
             return "save…", PageAction("Save the model…", self._save, SAVE, "s", "ready")
         return "next poses", PageAction("Choose the next poses", session.next_poses, MEASURE, "", "ready")
 
@@ -162,32 +162,28 @@ class WorkbenchPage:
         self.seen = session.version
         self.work.show()
         self._show_advised()
-        if session.taken.law is not self.law:
-            self.law = session.taken.law
-            if self.law is not None:
-                dialogs.law_dialog(self.law, session, self._do)
-        if session.poses is not self.poses:
-            self.poses = session.poses
-            if self.poses is not None:
-                dialogs.poses_dialog(self.poses)
-        shown = session.shown
-        if shown is None or self.drawn == session.drawn:
+        if session.taken.found is not self.found:
+            self.found = session.taken.found
+            if self.found is not None:
+                dialogs.found_dialog(self.found, session, self._do)
+        step = session.step
+        if step is None or self.drawn == session.drawn:
             return
         self.drawn = session.drawn
-        self.files.set_text(shown.title)
+        self.files.set_text(step.title)
         gone = GONE.format(folder=session.folder, again=session.again)
         ui.run_javascript(f"window.lrmGone = {json.dumps(gone)}")
         ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
-        self.numbers.set_content(self._numbers(shown.numbers))
+        self.numbers.set_content(self._numbers(step.numbers))
         ui.run_javascript(f"setTimeout(() => lrmGlossary(document.querySelector('.lrm-numbers')), {SHOWN_MS})")
-        note = "" if shown.diagnosed else "the candidates appear when every effect has been tried"
+        note = "" if step.diagnosed else "the candidates appear when every effect has been tried"
         ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 
     def _numbers(self, found: str) -> str:
-        law = self.session.taken.law
+        last = self.session.taken.found
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
         notes = section_html("What to know of the files", notices)
-        return notes + section_html("Proposed law", "" if law is None else law.words) + found
+        return notes + ("" if last is None else section_html(html.escape(last.sentence), last.words)) + found
 
     # ---- doing
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import atexit
 import threading
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.residual.picture.error_field import arm_lines
-from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -19,33 +19,6 @@ from lrmd.client import JointsState, ModeState, Rover
 
 LOOK_S, AGAIN_S = 0.2, 2.0
 """s between two questions, and until a daemon that was silent is asked anew."""
-
-
-@dataclass(frozen=True, eq=False)
-class RoverTip:
-    """Position of an arm.
-
-    Attributes:
-        mode: of the daemon, and why. q: (n,), commanded angles (rad). payload: kg.
-        nominal, bent: (n + 2, 3), the frames' origins of the nominal arm and of the model, the TCP last (m).
-    """
-
-    mode: str
-    q: Array
-    payload: float
-    nominal: Array
-    bent: Array
-
-    @property
-    def words(self) -> str:
-        """Words for a person."""
-        tip, drawn = self.bent[-1] * 1e3, self.nominal[-1] * 1e3
-        off = float(np.linalg.norm(tip - drawn))
-        angles = " ".join(f"{angle:.1f}" for angle in np.degrees(self.q))
-        return (
-            f"{self.mode}; q {angles} deg, load {self.payload * 1e3:.0f} g; the model puts the tip at "
-            f"{tip[0]:.2f} {tip[1]:.2f} {tip[2]:.2f} mm, {off:.2f} mm from where the nominal arm would be"
-        )
 
 
 @dataclass
@@ -73,8 +46,11 @@ class RoverLink:
         """Ends it."""
         self._ended.set()
 
-    def tip(self, model: Model) -> RoverTip:
-        """Position of the arm now. Raises `LrmError` if the daemon is silent or has another arm."""
+    def position(self, model: Model) -> dict[str, Any]:
+        """Position of the arm now: `words`, and frames (mm), the TCP last, of the `nominal` arm and the `bent` model.
+
+        Raises `LrmError`: the daemon is silent, or has another arm.
+        """
         if self._state is None:
             raise LrmError(self.failure)
         joints, mode = self._state
@@ -84,8 +60,15 @@ class RoverLink:
         if missing:
             raise LrmError(f"the robot '{self.rover.robot}' has no {missing[0]}: is it another arm?")
         q, load = np.array([known[name] for name in names]), mode.payload_kg
-        lines = [arm_lines(solve_equilibrium(one, poses_of(q, load)))[0] for one in (model_of(model.arm, ()), model)]
-        return RoverTip(f"{mode.mode} ({mode.why})", q, load, *lines)
+        poses, models = poses_of(q, load), (model_of(model.arm, ()), model)
+        nominal, bent = (arm_lines(solve_equilibrium(one, poses))[0] * 1e3 for one in models)
+        x, y, z = bent[-1]
+        words = (
+            f"{mode.mode} ({mode.why}); q {' '.join(f'{angle:.1f}' for angle in np.degrees(q))} deg, load "
+            f"{load * 1e3:.0f} g; the model puts the tip at {x:.2f} {y:.2f} {z:.2f} mm, "
+            f"{np.linalg.norm(bent[-1] - nominal[-1]):.2f} mm from where the nominal arm would be"
+        )
+        return {"words": words, "nominal": rounded(nominal, 2), "bent": rounded(bent, 2)}
 
     def _ask(self) -> None:
         while not self._ended.is_set():

@@ -45,14 +45,10 @@ class RoverPanel:
         step = self.session.step
         if self.link is None or step is None:
             return
-        from lrm_ident.report.plots.interactive.candidate_view import rounded
-
         try:
-            tip = self.link.tip(_model(step.files.model, step.files.effects_file))
+            values = self.link.position(_model(step.files.model, step.files.effects_file))
         except LrmError as error:
-            ui.run_javascript(f"lrm.rover({json.dumps({'words': str(error)})})")
-            return
-        values = {"words": tip.words, "nominal": rounded(tip.nominal * 1e3, 2), "bent": rounded(tip.bent * 1e3, 2)}
+            values = {"words": str(error)}
         ui.run_javascript(f"lrm.rover({json.dumps(values)})")
 
 

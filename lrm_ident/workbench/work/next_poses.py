@@ -9,6 +9,7 @@ from functools import partial
 from math import sqrt
 from typing import Any
 
+from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
 from lrm_ident.design.advice import next_poses as designed
@@ -22,7 +23,7 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_ident.study.study import Study
-from lrm_ident.workbench.work.tasks import DoneCommand, PosesResult, PosesTask, unpacked
+from lrm_ident.workbench.work.tasks import DoneCommand, FoundResult, PosesTask, section_html, unpacked
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
@@ -35,8 +36,8 @@ MOST_RIVALS = 4
 """That are tried, one after the other, until some poses are expected to tell one from the first candidate."""
 
 
-def next_poses(study: Study, asked: PosesTask, progress: Progress) -> PosesResult:
-    """Chooses the next poses. Raises `LrmError`: no choice can tell any rivals apart, or there are too few poses."""
+def next_poses(study: Study, asked: PosesTask, progress: Progress) -> FoundResult:
+    """Chooses and keeps the next poses. Raises `LrmError`: none can tell any rivals apart, or too few are clear."""
     found = unpacked(asked.packed)
     left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
     noise_mm = float(f"{left / sqrt(3.0):.3g}")  # the floor that the data show, else all that the last step leaves
@@ -80,14 +81,14 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> PosesResul
     arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
     arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
     arguments += ("--model", str(asked.files.model), "--have", str(asked.files.data), "-o", str(asked.kept))
-    shown = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
+    shown = [*(f"Not for a stronger rival: {words.removesuffix('.')}." for words in refused), *document.whole]
     arms = arm_lines(solve_equilibrium(model_of(arm, ()), chosen.poses))
-    return PosesResult(
-        data=asked.files.data.name,
-        words=blocks_html(shown),
-        table=pose_table(chosen).csv(),
-        command=DoneCommand(("design", *arguments), asked.files.effects_file),
+    write_text(asked.kept, pose_table(chosen).csv())
+    return FoundResult(
         sentence=_sentence(names, chosen),
+        words=section_html("Figures of the design", blocks_html(shown)),
+        command=DoneCommand(("design", *arguments), asked.files.effects_file),
+        file=asked.kept,
         arms=json.dumps(rounded(arms * 1e3, 0)),
     )
 

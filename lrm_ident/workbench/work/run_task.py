@@ -136,30 +136,26 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
 def propose(task: tasks.ProposeTask, send: tasks.Send) -> None:
     """Looks for a law, and keeps its file."""
     found = _study(task.files, send).propose()
-    words = blocks_html(proposal_document(found).blocks)
-    if found.best is None:
-        send(tasks.LawResult(words, task.files.command("propose")))
-        return
-    write_text(task.kept, found.best.source)
-    law, command = found.best.law, task.files.command("propose", "-o", task.kept)
-    send(tasks.LawResult(words, command, task.kept, f"{law_id(law)}@joint{law.joint + 1}"))
+    title, *rest = proposal_document(found).blocks
+    result = tasks.FoundResult(str(title), blocks_html(rest), command=task.files.command("propose"))
+    if found.best is not None:
+        write_text(task.kept, found.best.source)
+        effect, command = f"{law_id(found.best.law)}@joint{found.best.law.joint + 1}", ("propose", "-o", task.kept)
+        result = replace(result, command=task.files.command(*command), file=task.kept, effect=effect)
+    send(result)
 
 
 @run_task.register
 def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
     """Chooses the next poses, and keeps their file; what cannot be is said of the user's own file."""
     send(tasks.WorkProgress("reading the files"))
-    name = task.files.data.name
     try:
-        found = next_poses(_study(task.files, send), task, _bars(send))
+        send(next_poses(_study(task.files, send), task, _bars(send)))
     except LrmError as error:
         problem = str(error)
         for path in (task.files.data, task.files.model):
             problem = problem.replace(str(path), path.name)
-        send(tasks.PosesResult(name, problem=problem))
-        return
-    write_text(task.kept, found.table)
-    send(found)
+        send(tasks.FoundResult(f"No poses were chosen after those of {task.files.data.name}", problem=problem))
 
 
 def step_found(
@@ -167,7 +163,8 @@ def step_found(
 ) -> tasks.StepResult:
     """Result of a step: title, verdict, figures and tables of its report, for the page."""
     file = found.file
-    shown = tasks.StepView(
+    return tasks.StepResult(
+        files,
         title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
         data_sha256=found.poses.sha256,
         diagnosed=found.diagnosis is not None,
@@ -176,8 +173,9 @@ def step_found(
         numbers=numbers_html(found),
         model=model_text(file),
         before=model_text(undo_step(file)) if len(file.history) > 1 else None,
+        packed=pickle.dumps(found),
+        command=command,
     )
-    return tasks.StepResult(files, shown, pickle.dumps(found), command)
 
 
 def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:

@@ -80,16 +80,18 @@ class DoneCommand:
 
 
 @dataclass(frozen=True)
-class StepView:
-    """View of a step on the page.
+class StepResult:
+    """A step.
 
     Attributes:
-        title: arm, file, and how many poses. data_sha256: of the measurements.
+        files: with its model. title: arm, file, and how many poses. data_sha256: of the measurements.
         diagnosed: whether there is a diagnosis; complete: whether that finds nothing missing.
-        values: JSON of the figures. numbers: all tables, as HTML.
+        values: JSON of the figures. numbers: all tables, as HTML. packed: all that is known so far.
         model: text of the model file; before: that without the last step, or None if there is none to take back.
+        command: that took it, None where more is known of one that was taken.
     """
 
+    files: OpenFiles
     title: str
     data_sha256: str
     diagnosed: bool
@@ -97,17 +99,8 @@ class StepView:
     numbers: str
     model: str
     before: str | None
+    packed: bytes = b""
     complete: bool = False
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """A step: the files with its model, what is shown of it, and all that is known of it so far, packed; the `command`
-    that took it, None where more is known of one that was taken."""
-
-    files: OpenFiles
-    shown: StepView
-    packed: bytes
     command: DoneCommand | None = None
 
     @cached_property
@@ -117,26 +110,20 @@ class StepResult:
 
 
 @dataclass(frozen=True)
-class LawResult:
-    """A proposed law: what `propose` prints, as HTML, and the `command`; its file and name, if a law is proposed."""
+class FoundResult:
+    """What was searched for: a law, or poses to measure next.
 
-    words: str
-    command: DoneCommand
-    file: Path | None = None
-    name: str = ""
+    Attributes:
+        sentence: what there is. words: what the command prints, as HTML; or the `problem`. file: None without a result.
+        effect: that the law adds. arms: JSON of the arm's frames at the poses (mm).
+    """
 
-
-@dataclass(frozen=True)
-class PosesResult:
-    """The next poses to measure: what they will tell, what `design` prints, as HTML, or the `problem`; the `command`;
-    `arms`: JSON of the arm's frames at every pose (mm)."""
-
-    data: str
+    sentence: str
     words: str = ""
-    table: str = ""
     problem: str = ""
     command: DoneCommand | None = None
-    sentence: str = ""
+    file: Path | None = None
+    effect: str = ""
     arms: str = "[]"
 
 
@@ -191,7 +178,7 @@ class PosesTask(StepTask):
     """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not."""
 
 
-WorkMessage = WorkProgress | WorkNotice | StepResult | LawResult | PosesResult | WorkDone
+WorkMessage = WorkProgress | WorkNotice | StepResult | FoundResult | WorkDone
 """What comes back of a task: any number of results, at last whether it is done."""
 Send = Callable[[WorkMessage], None]
 WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask | PosesTask

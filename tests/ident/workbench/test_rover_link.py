@@ -47,14 +47,14 @@ class SixJoints:
 
 
 def until(link: RoverLink, model: Any, reached: Callable[[str], bool]) -> Any:
-    """The tip, or the words of the failure, once they are as expected."""
+    """The position, or the words of the failure, once they are as expected."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         try:
-            found, words = (tip := link.tip(model)), tip.words
+            found = link.position(model)
         except LrmError as error:
-            found, words = None, str(error)
-        if reached(words):
+            found = {"words": str(error)}
+        if reached(words := found["words"]):
             return found
         time.sleep(0.01)
     raise AssertionError(words)
@@ -67,9 +67,9 @@ def test_the_tip_of_a_rover(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     rover: Any = SixJoints(5)
     link = RoverLink(rover)
     link.start()
-    tip = until(link, model, lambda words: "armed" in words)
-    assert tip.bent[-1] == pytest.approx(lrm.predict(model, poses_of(Q, 0.05))[0], abs=1e-12)
-    assert tip.nominal[-1] == pytest.approx(lrm.predict(nominal_model(lab), poses_of(Q))[0], abs=1e-12)
+    found = until(link, model, lambda words: "armed (test); q 10.0 -30.0 40.0 5.0 -20.0 15.0 deg, load 50 g" in words)
+    assert found["bent"][-1] == pytest.approx(1e3 * lrm.predict(model, poses_of(Q, 0.05))[0], abs=0.005)
+    assert found["nominal"][-1] == pytest.approx(1e3 * lrm.predict(nominal_model(lab), poses_of(Q))[0], abs=0.005)
     until(link, model, lambda words: "no reply" in words)
     rover.answers = 5
     until(link, model, lambda words: "armed" in words)

@@ -9,16 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.workbench.taken_steps import TakenSteps, with_step, with_undone, without_last
-from lrm_ident.workbench.work.tasks import AddTask, AutoTask, DoneCommand, OpenFiles, OpenTask, StepResult, StepView
+from lrm_ident.workbench.work.tasks import AddTask, AutoTask, DoneCommand, OpenFiles, OpenTask, StepResult
 
 DATA = Path("data.csv")
 
 
 def step(number: int, before: str | None, words: str = "add") -> StepResult:
     """A step whose model is its number."""
-    view = StepView("", "hash", True, "{}", "", str(number), before)
-    command = DoneCommand((*words.split(), str(before)))
-    return StepResult(OpenFiles(Path(f"step-{number}.toml"), DATA), view, b"", command)
+    files, command = OpenFiles(Path(f"step-{number}.toml"), DATA), DoneCommand((*words.split(), str(before)))
+    return StepResult(files, "", "hash", True, "{}", "", str(number), before, command=command)
 
 
 @given(st.lists(st.sampled_from(["add", "undo", "redo"]), max_size=30))
@@ -29,16 +28,16 @@ def test_undo_and_redo_are_each_others_inverse(deeds: list[str]) -> None:
         last = taken.last
         assert last is not None
         if deed == "add":
-            new = step(number, last.shown.model)
+            new = step(number, last.model)
             taken = with_step(taken, AddTask(last.files, b"", new.files.model, "x"), new)
             models, undone = [*models, [*models[-1], str(number)]], []
-        elif deed == "undo" and last.shown.before is not None:
+        elif deed == "undo" and last.before is not None:
             undone.append(models.pop())
             taken = without_last(taken, Path(f"step-{number}.toml"))
         elif deed == "redo" and undone:
             models.append(undone.pop())
             taken = with_undone(taken)
-        assert [one.shown.model for one in taken.steps] == models[-1]
+        assert [one.model for one in taken.steps] == models[-1]
         assert (taken.undone is not None) == bool(undone)
 
 

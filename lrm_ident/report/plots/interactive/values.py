@@ -116,13 +116,12 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     """A step with its errors; `held`: the held-out one on the open data, as the headline prints it."""
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
-    judged = (found.judged or {}).get(number)
     entry = found.file.history[number] if found.file.history else None
     held = entry.held_out_rms_mm if entry is not None and of_data(entry, found.poses.sha256) else None
     return {
         "name": step.name,
         "title": step.name if entry is None else GEOMETRY if entry.name.kind == FIT else step_title(entry.name),
-        "verdict": "" if judged is None else judged.verdict,
+        "verdict": (found.judged or {}).get(number, ""),
         "rms": in_mm(step.error.rms),
         "held": "" if held is None else in_mm(held * 1e-3),
         "residual": rounded(step.residual * 1e3, UM),
@@ -137,7 +136,6 @@ def _card(
     kind, floor, before, after = None if shown is None else shown.kind, found.floor_mm, fall.before_rms_mm, fall.rms_mm
     excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
     known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
-    judged = (found.judged or {}).get(card.number - 1)
     own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
     return {
         **own,
@@ -150,9 +148,9 @@ def _card(
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
         "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
-        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
+        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card)],
         "equivalent": [plain_name(name) for name in card.evidence.equivalent],
-        "asked": judged is not None or card.evidence.rivals is not None,
+        "asked": card.evidence.rivals is not None,
         "unrivalled": kind == "finding" and held_out and card.unrivalled(after),
     }
 
