@@ -73,6 +73,7 @@ class MotionEffect(ABC):
     `fixed`: value in files that do not state the parameter, since they are older than it.
     """
     names_a_cause: ClassVar[bool] = True
+    """Whether it is a cause; otherwise it is an empirical term, against which causes have to hold their own."""
     basic: ClassVar[bool] = False
     """Whether every joint has it from the start."""
     alike: ClassVar[str] = ""

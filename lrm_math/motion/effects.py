@@ -300,6 +300,28 @@ class ViscousFriction(MotionEffect):
         return p[0]
 
 
+class Drag(MotionEffect):
+    """Braking that grows faster than the speed: whatever it is, it has no name."""
+
+    id = "drag"
+    names_a_cause = False
+    about = Description(
+        cause="Quick moves are braked more: by a fluid, churned grease, losses of the motor, or a drive that weakens.",
+        formula="torque = −K c |q̇|ⁿ sign q̇, n > 1, q̇ in rad/s",
+        source="power law; n = 2 in turbulent fluids (MuJoCo, passive forces)",
+        claim="{place} is braked by {c_rad} at 1 rad/s, and by the power {n_ratio} of the speed",
+        needs="quick and slow moves",
+    )
+    parameters = (
+        Parameter("c_rad", "braking at 1 rad/s, over the stiffness", 0.01, 0.0, 1.0, scan=(0.003, 0.02)),
+        Parameter("n_ratio", "power of the speed", 2.0, 1.2, 4.0, scan=(2.0,)),
+    )
+
+    def friction_at(self, speed: Array, p: Values) -> Number:
+        """c |q̇|ⁿ."""
+        return np.asarray(p[0] * np.abs(speed) ** p[1])
+
+
 class CoulombFriction(MotionEffect):
     """Dry friction: the joint stops short of its set-point, on the side that it came from."""
 
@@ -443,6 +465,7 @@ MOTION_EFFECTS: tuple[type[MotionEffect], ...] = (
     InertialCoupling,
     LinkInertia,
     ViscousFriction,
+    Drag,
     CoulombFriction,
     LoadFriction,
     StribeckFriction,

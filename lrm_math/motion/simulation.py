@@ -6,7 +6,8 @@ the joint, or as much of it as there is, so that it never turns back (Moreau 198
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from lrm_math.motion.spring_step import sprung, two_masses
 
 LEAST_INERTIA = 0.05
 """J/J₀ of a posture that is lighter than any."""
-IMPLICIT = 4
-"""Times that a friction which falls with speed is put into its own step."""
+IMPLICIT = 2
+"""Times that friction which depends on speed is improved within its own step."""
 
 
 def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: JointDrive) -> Array:
@@ -78,11 +79,10 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
             force = force - _mean_excess(force, force - pushed[k] * limited - ahead, most)
         then = then + kicked[k] * force
         if dry:
-            rub = np.zeros_like(q)
-            for _ in range(IMPLICIT if fading else 1):  # friction at the mean speed of the step
-                mean = 0.5 * (v + then + kicked[k] * rub) if fading else v
-                bound = rubs[k] + sum(effect.friction_at(mean, p) for effect, p in fading)
-                rub = np.clip(-then / kicked[k], -bound, bound)
+            stop = -then / kicked[k]
+            rub = np.clip(stop, -rubs[k], rubs[k])
+            if fading:
+                rub = _implicit(partial(_rub, fading, rubs[k], stop, 0.5 * v, 0.5 * kicked[k]), np.zeros_like(q))
             force, then = force + rub, then + kicked[k] * rub
         q = q + pushed[k] * force + ahead
         if second is not None:
@@ -90,6 +90,24 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
         v = then
         out[k + 1] = q + behind[0]
     return out
+
+
+def _rub(
+    fading: Sequence[tuple[MotionEffect, Values]], dry: Array, stop: Array, slow: Array, kicked: Array, rub: Array
+) -> Array:
+    """Friction (rad) at the mean speed of a step that is braked by `rub`; `stop`: what would stop the joint."""
+    bound = dry + sum(effect.friction_at(slow + kicked * (rub - stop), p) for effect, p in fading)
+    return np.clip(stop, -bound, bound)
+
+
+def _implicit(of: Callable[[Array], Array], rub: Array) -> Array:
+    """The rub that is what follows of itself, by fixed points that are extrapolated (Steffensen 1933)."""
+    for _ in range(IMPLICIT):
+        once = of(rub)
+        twice = of(once)
+        bend = twice - 2.0 * once + rub
+        rub = np.where(np.abs(bend) > 1e-12, rub - (once - rub) ** 2 / np.where(bend == 0.0, 1.0, bend), twice)
+    return of(rub)
 
 
 def _mean_excess(before: Array, after: Array, most: Array) -> Array:

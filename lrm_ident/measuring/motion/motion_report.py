@@ -172,7 +172,10 @@ def _conclusion(
     what = f"{plain_name(name)} ({name})"
     before, after = best.before.held_out_rms, first.held_out
     squares = before**2 - after**2, max(after**2 - (FLOOR_RATIO * best.noise) ** 2, 0.0)
-    if alike:
+    if not first.effect.names_a_cause:
+        headline = f"No cause identified. The best empirical term: {what}"
+        certainty = "an empirical term: it improves the prediction; its cause is not identified"
+    elif alike:
         headline = f"{MISSING}: {what}, or another that these moves cannot distinguish from it"
         certainty = f"it, or {enumerate_words(alike, LISTED)}: these moves cannot distinguish them"
     elif support_of(*squares, NO_EVIDENCE) != Support.FINDING:

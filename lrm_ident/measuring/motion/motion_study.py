@@ -145,7 +145,7 @@ class MotionStudy:
         steps = [
             (
                 bare[effect.name].held_out_rms ** 2 - fit.held_out_rms**2,
-                Evidence(describes=not is_plausible(fit, effect)),
+                Evidence(describes=not (effect.names_a_cause and is_plausible(fit, effect))),
             )
             for effect in added
         ]
@@ -163,7 +163,7 @@ class MotionStudy:
         out = []
         for kind in self.catalogue:
             other = kind(effect.arm, effect.place)
-            if kind.id in present or other.missing_excitation(fit.data.drive) is not None:
+            if kind.id in present or not kind.names_a_cause or other.missing_excitation(fit.data.drive) is not None:
                 continue
             instead = with_effect(bare, other)
             if instead.squares < 1.5 * fit.squares and not is_worse(instead, fit):

@@ -31,7 +31,8 @@ LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 1.5, 3.0, 6.0
 STEP_S = 0.0085
 """Longest step of the simulation: an eighth of the period of the fastest servo that the catalogue allows."""
 FOLDS = 5
-STILL_S, STILL = 0.3, np.radians(0.3)
+STILL_S, STILL, FOLLOWED_S = 0.3, np.radians(0.3), 0.25
+"""s and rad of a stop; s for which a joint follows a tremor of its command."""
 ENCODER_SD = np.radians(360.0 / 4096.0) / np.sqrt(12.0)
 FASTEST_GAP = 1.5
 """Times the usual distance of frames that a gap may have."""
@@ -248,15 +249,31 @@ def followed(command: Array, dt: float, lag: float = 0.1) -> Array:
 
 
 def _noise(frames: LeRobotFrames, dt: float) -> Array:
-    """(n,), rad: scatter of the readings where nothing moves, by second differences; at least an encoder's rounding."""
-    width = max(4, round(STILL_S / dt))
-    squares: list[Array] = []
+    """(n,), rad: scatter of the readings where nothing moves, by second differences; at least an encoder's rounding.
+
+    A hand trembles at stops, too, and a servo that leads follows it: what follows linearly of the command is left out.
+    """
+    width, lags = max(4, round(STILL_S / dt)), round(FOLLOWED_S / dt)
+    bends, causes = [], []
     for rows in _episodes(frames):
         if len(rows) < width:
             continue
         seen, told = (sliding_window_view(x[rows], width, axis=0) for x in (frames.feedback, frames.command))
         still = (np.ptp(told, axis=2) < STILL).all(axis=1) & (np.ptp(seen, axis=2) < 2.0 * STILL).all(axis=1)
-        squares.append(np.mean(np.diff(seen[still], n=2, axis=2) ** 2, axis=2) / 6.0)
-    found = np.concatenate(squares) if squares else np.empty((0, frames.feedback.shape[1]))
-    scatter = np.sqrt(np.mean(found, axis=0)) if len(found) else np.zeros(frames.feedback.shape[1])
+        at = np.flatnonzero(still) + width - 3  # the last second difference of each window
+        bend, cause = (np.diff(x[rows], n=2, axis=0) for x in (frames.feedback, frames.command))
+        before = np.concatenate([np.zeros((lags, cause.shape[1])), cause])
+        bends.append(bend[at])
+        causes.append(np.stack([before[at + lags - lag] for lag in range(lags + 1)], axis=1))
+    n = frames.feedback.shape[1]
+    seen, told = np.concatenate([*bends, np.empty((0, n))]), np.concatenate([*causes, np.empty((0, lags + 1, n))])
+    scatter = [np.sqrt(_unexplained(told[:, :, joint], seen[:, joint]) / 6.0) for joint in range(n)]
     return np.asarray(np.maximum(scatter, ENCODER_SD))
+
+
+def _unexplained(columns: Array, values: Array) -> float:
+    """Mean square of values (N,) that columns (N, k) do not explain; 0 of too few."""
+    if len(values) <= 2 * columns.shape[1]:
+        return 0.0
+    found, _, rank, _ = np.linalg.lstsq(columns, values, rcond=None)
+    return float(np.sum((values - columns @ found) ** 2) / (len(values) - rank))

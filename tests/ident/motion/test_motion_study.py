@@ -22,8 +22,10 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.motion.effects import (
     MOTION_EFFECTS,
+    AccelerationLimit,
     CoulombFriction,
     DeadTime,
+    Drag,
     MotionPlay,
     RestOffset,
     ServoResponse,
@@ -57,6 +59,17 @@ def test_moves_are_whole_and_their_lead_does_not_count() -> None:
     assert found.counted.any(axis=1).all()
     assert len({(e, f) for e, f in zip(found.episode.tolist(), found.fold.tolist(), strict=True)}) == 6  # never split
     assert np.degrees(found.noise[JOINT]) == pytest.approx(0.043, rel=0.15)
+
+
+def test_noise_is_what_does_not_follow_of_a_trembling_command() -> None:
+    rng = np.random.default_rng(0)
+    frames = recording()
+    tremor = np.radians(0.03) * rng.normal(size=frames.command.shape)
+    follows = 1.5 * tremor + np.pad(tremor[:-2], ((2, 0), (0, 0)))
+    read = frames.feedback + follows + np.radians(0.02) * rng.normal(size=tremor.shape)
+    found = moves_of(replace(frames, command=frames.command + tremor, feedback=read), ARM, Path("x")).noise
+    plain = moves_of(frames, ARM, Path("x")).noise
+    np.testing.assert_allclose(found, np.hypot(plain, np.radians(0.02)), rtol=0.15)
 
 
 def test_a_sound_servo_is_identified_and_nothing_is_missing() -> None:
@@ -93,6 +106,17 @@ def test_hidden_dead_time_is_found_and_every_step_is_held_out() -> None:
     for document in (comparison_document(own), motion_document(own, "x"), auto_document(own, own.judged(), "m")):
         assert document.json()
         assert document.text()
+
+
+def test_a_cause_that_a_term_without_a_name_outdoes_is_not_identified() -> None:
+    own = MotionStudy.of(moves(drag=0.03), (ServoResponse, RestOffset, AccelerationLimit, Drag)).fit()
+    found = own.screen([JOINT])
+    assert [one.effect.id for one in found[0].candidates] == ["drag", "acceleration_limit"]
+    assert "No cause identified. The best empirical term" in diagnosis_document(own, found).text(200)
+    auto = own.auto()
+    assert [(one.effect.id, one.kind, one.identified) for one in auto.judged()] == [("drag", "description", False)]
+    assert auto.model.values["drag.joint2.n_ratio"] == pytest.approx(2.0, abs=0.1)
+    assert auto.fits[JOINT].held_out_rms < 1.3 * auto.moves.noise[JOINT]
 
 
 def test_a_model_comes_back_from_its_file(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from lrm_math.motion.effects import (
     AccelerationLimit,
     CoulombFriction,
     DeadTime,
+    Drag,
     DriveLimit,
     MotionPlay,
     RestOffset,
@@ -110,6 +111,21 @@ def test_a_swing_ends_where_it_would_be_without_one() -> None:
     swung = moved(step(0.3), servo, (Swing, (5.0, 0.2, 0.0)))
     assert swung.max() > 0.302
     assert swung[-1] == pytest.approx(moved(step(0.3), servo)[-1], abs=1e-4)
+
+
+@pytest.mark.parametrize(("braking", "power"), [(0.005, 2.0), (0.03, 2.0), (0.03, 1.3), (0.01, 3.0)])
+def test_drag_brakes_as_small_steps_do(braking: float, power: float) -> None:
+    """Oracle: the symplectic Euler rule, in steps of a hundredth."""
+    omega, h, q, v, expected = 2.0 * np.pi * 5.0, H / 100, 0.0, 0.0, [0.0]
+    s = np.clip((H * np.arange(STEPS) - 0.3) / 0.35, 0.0, 1.0)
+    told = 1.2 * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+    for goal in told:
+        for _ in range(100):
+            v += h * (omega**2 * (goal - q - braking * np.sign(v) * abs(v) ** power) - 1.6 * omega * v)
+            q += h * v
+        expected.append(q)
+    found = moved(told, (ServoResponse, (5.0, 0.8)), (Drag, (braking, power)))
+    np.testing.assert_allclose(found, expected, atol=5e-3)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.4, 3.0])
