@@ -65,10 +65,10 @@ def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tup
             0.0 if show or step.of_present else max(explained, 0.0)
             for show, (explained, step) in zip(shown, steps, strict=True)
         ]
+        beside = [left + sum(unnamed[:number]) + sum(unnamed[number + 1 :]) for number in range(len(steps))]
         attributions = tuple(
             StepAttribution(support_of(explained, others, step), others)
-            for number, (explained, step) in enumerate(steps)
-            for others in [left + sum(unnamed[:number]) + sum(unnamed[number + 1 :])]
+            for others, (explained, step) in zip(beside, steps, strict=True)
         )
         findings = [one.kind == Support.FINDING for one in attributions]
         if findings == shown:

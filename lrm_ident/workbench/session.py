@@ -129,12 +129,12 @@ class WorkbenchSession:
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
         step = self._steady()
-        if self.taken.found is None or not self.taken.found.effect:
+        if self.taken.search_result is None or not self.taken.search_result.effect:
             raise LrmError("no law is proposed; press Propose a formula first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
-        files = replace(step.files, effects_file=self.taken.found.file)
-        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.found.effect))
+        files = replace(step.files, effects_file=self.taken.search_result.file)
+        self._begin(tasks.AddTask(files, step.packed, self.new_file(), self.taken.search_result.effect))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
@@ -247,9 +247,9 @@ class WorkbenchSession:
         elif isinstance(message, tasks.StepResult):
             self.taken = with_step(self.taken, self._at_work, message)
             self._noted()
-        elif isinstance(message, tasks.FoundResult):
+        elif isinstance(message, tasks.SearchResult):
             done = (*self.taken.done, *([message.command] if message.command else []))
-            self.taken = replace(self.taken, found=message, done=done)
+            self.taken = replace(self.taken, search_result=message, done=done)
             self._noted()
         elif isinstance(message, tasks.WorkDone):
             self.progress = None

@@ -19,12 +19,12 @@ class TakenSteps:
     """Steps, the last one being the model, with what was done as commands.
 
     Attributes:
-        found: by the last search since the step. count: how many names of files were given away.
+        search_result: of the last search since the step. count: how many names of files were given away.
         undone: what there was before the last `undo`, which `redo` gives back; None after anything else.
     """
 
     steps: tuple[tasks.StepResult, ...] = ()
-    found: tasks.FoundResult | None = None
+    search_result: tasks.SearchResult | None = None
     done: tuple[tasks.DoneCommand, ...] = ()
     count: int = 0
     undone: TakenSteps | None = None
@@ -44,7 +44,7 @@ def with_step(taken: TakenSteps, task: tasks.WorkTask | None, step: tasks.StepRe
         goes_on = taken.done[-1].words[:3] == step.command.words[:3]
         done = (*taken.done[: -1 if goes_on else None], step.command)
         count = taken.count + isinstance(task, tasks.AutoTask)
-        return replace(taken, steps=(*taken.steps, step), found=None, done=done, count=count, undone=None)
+        return replace(taken, steps=(*taken.steps, step), search_result=None, done=done, count=count, undone=None)
     if isinstance(task, tasks.DiagnoseTask):
         same = last is not None and last.files == step.files
         return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken

@@ -163,20 +163,20 @@ def history_of(
     return History(Visits(q[order], payload[order], step, begins, stated, t is not None, start=start), row)
 
 
-def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tuple[Any, ...]:
+def differentiable(function: Callable[..., tuple[Any, ...]], *shapes: Any) -> tuple[Any, ...]:
     """Values of a function of shape parameters that may carry derivatives, by complex steps (Squire & Trapp 1998)."""
     given = [x.value if isinstance(x, Dual) else x for x in shapes]
-    values = course(*given)
+    values = function(*given)
     slopes: list[Any] = [None] * len(values)
     for i, x in enumerate(shapes):
         if isinstance(x, Dual):
-            moved = course(*(y + TINY * 1j * (i == j) for j, y in enumerate(given)))
+            moved = function(*(y + TINY * 1j * (i == j) for j, y in enumerate(given)))
             by_x = [np.imag(part) / TINY * x.slope for part in moved]
             slopes = [new if old is None else old + new for old, new in zip(slopes, by_x, strict=True)]
     return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
 
 
-def course(
+def first_order_lag(
     visits: Visits,
     driver: Array,
     start: float,
@@ -185,7 +185,7 @@ def course(
     rest: Any = 0.0,
     late: Any = 0.0,
 ) -> tuple[Array, Array]:
-    """Memory dc/dt = (driver − c)/T at M visits: the part left of what was before, and the share of each one's own.
+    """First-order lag dc/dt = (driver − c)/T at M visits: the part left of what was before, and the share of its own.
 
     Between two poses the arm holds the first one for the share `late` of the time or more, and the second one for the
     last `stood` seconds at most. The memory is the first more the second times the pose's own `driver`; each is (M,).
@@ -218,7 +218,7 @@ def _recurrence(factor: Array, added: Array, start: float) -> Array:
     return x
 
 
-def remembered(visits: Visits, driver: Array, start: float, *shapes: float) -> Array:
-    """(M,), the memory of a `course` at the end of each visit; arguments as there."""
-    past, own = course(visits, driver, start, *shapes)
+def lag_state(visits: Visits, driver: Array, start: float, *shapes: float) -> Array:
+    """(M,), the memory of a `first_order_lag` at the end of each visit; arguments as there."""
+    past, own = first_order_lag(visits, driver, start, *shapes)
     return np.asarray(past + own * driver)

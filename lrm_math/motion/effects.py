@@ -301,7 +301,7 @@ class ViscousFriction(MotionEffect):
 
 
 class Drag(MotionEffect):
-    """Braking that grows faster than the speed: whatever it is, it has no name."""
+    """Drag by a power law: braking that grows faster than the speed. Several causes have this form."""
 
     id = "drag"
     names_a_cause = False

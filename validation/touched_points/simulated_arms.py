@@ -267,14 +267,14 @@ def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
     return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
 
 
-def by_sockets(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
+def socket_measurements(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
     """So many touches, as the tool reads them."""
     q, names, where, _ = touched(tips, seed, count)
     columns = {"point": names, "placement": [f"p{k}" for k in where]}
     return loaded(folder, q, columns, SocketBoard().metadata("so101"))
 
 
-def by_tracker(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
+def tracker_measurements(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
     """The poses of so many touches, measured by a tracker of the same noise, as the tool reads them."""
     q, _, _, seen = touched(tips, seed, count)
     noisy = 1e3 * (seen + np.random.default_rng([seed, 69]).normal(0.0, NOISE_M, seen.shape))
@@ -283,7 +283,7 @@ def by_tracker(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:
 
 
 @dataclass(frozen=True)
-class Calibrated:
+class CalibrationOutcome:
     """One arm: whether nothing wrong was named by sockets, and both errors of the tip (mm RMS)."""
 
     honest: bool
@@ -291,20 +291,20 @@ class Calibrated:
     tracker_mm: float
 
 
-def of_case(
+def calibrated_case(
     touched_arm: Cause, tracked_arm: Cause, number: int, seed: int, most: int, counts: tuple[int, int]
-) -> Calibrated:
+) -> CalibrationOutcome:
     """Prints one row; counts are touches and the tracker's poses."""
     tips, tracked_tips = touched_arm.tips(seed), tracked_arm.tips(seed)
     with tempfile.TemporaryDirectory() as folder:
-        added, verdict, study = identified(by_sockets(tips, seed, counts[0], Path(folder)), most)
-        others, _, other = identified(by_tracker(tracked_tips, seed, counts[1], Path(folder)), most)
+        added, verdict, study = identified(socket_measurements(tips, seed, counts[0], Path(folder)), most)
+        others, _, other = identified(tracker_measurements(tracked_tips, seed, counts[1], Path(folder)), most)
     first = added[0] if added else NOTHING
     found = effects_at(ARM, first) if first else ()
     forms = variants(found[0]) if found else ()
     named = bool({first, *forms} & {*touched_arm.right})
     honest = named or not added or any(verdict == word for word in ("effect_describes", "unexplained_structure"))
-    result = Calibrated(honest, tip_error_mm(study, tips, seed), tip_error_mm(other, tracked_tips, seed))
+    result = CalibrationOutcome(honest, tip_error_mm(study, tips, seed), tip_error_mm(other, tracked_tips, seed))
     said = "right" if named else "honest" if honest else "WRONG"
     names = [", ".join(one) or "-" for one in (added, others)]
     numbers = f"{result.sockets_mm:.2f} | {result.tracker_mm:.2f} | {result.sockets_mm / result.tracker_mm:.2f}"
@@ -329,7 +329,7 @@ def main() -> None:
     found = []
     for number in chosen:
         try:
-            found.append(of_case(*arms[number - 1], number, options.seed + number, options.most, counts))
+            found.append(calibrated_case(*arms[number - 1], number, options.seed + number, options.most, counts))
         except NoEquilibrium as error:
             print(f"{number} | {CASES[number - 1].words} | {error}")
     honest = sum(one.honest for one in found)

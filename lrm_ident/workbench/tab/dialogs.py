@@ -12,18 +12,18 @@ from nicegui import ui
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.taken_steps import commands_text
-from lrm_ident.workbench.work.tasks import FoundResult
+from lrm_ident.workbench.work.tasks import SearchResult
 from lrm_math.errors import LrmError
 
 Do = Callable[[Callable[[], object]], object]
 
 
-def found_dialog(found: FoundResult, session: WorkbenchSession, do: Do) -> None:
+def search_dialog(found: SearchResult, session: WorkbenchSession, do: Do) -> None:
     """Shows what a search found and offers its file, and the button that adds a law; or says why there is nothing."""
-    with _dialog("lrm-found", "result of the search", "lrm-wide") as dialog:
+    with _dialog("lrm-search", "result of the search", "lrm-wide") as dialog:
         ui.label(found.sentence).classes("lrm-verdict text-weight-bold")
         ui.html('<div id="lrm-next-arms" class="lrm-arms"></div>', sanitize=False)
-        with _buttons(dialog, "close-found"):
+        with _buttons(dialog, "close-search"):
             if found.effect:
                 _button("Add the law", lambda: _closing(dialog, do, session.add_law))
             if found.file is not None:

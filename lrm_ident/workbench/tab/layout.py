@@ -68,7 +68,7 @@ class WorkbenchPage:
         self.session = session
         self.chosen: dict[str, str] | None = None
         self.seen = self.drawn = -1
-        self.found = session.taken.found
+        self.search_result = session.taken.search_result
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
@@ -162,10 +162,10 @@ class WorkbenchPage:
         self.seen = session.version
         self.work.show()
         self._show_advised()
-        if session.taken.found is not self.found:
-            self.found = session.taken.found
-            if self.found is not None:
-                dialogs.found_dialog(self.found, session, self._do)
+        if session.taken.search_result is not self.search_result:
+            self.search_result = session.taken.search_result
+            if self.search_result is not None:
+                dialogs.search_dialog(self.search_result, session, self._do)
         step = session.step
         if step is None or self.drawn == session.drawn:
             return
@@ -180,7 +180,7 @@ class WorkbenchPage:
         ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 
     def _numbers(self, found: str) -> str:
-        last = self.session.taken.found
+        last = self.session.taken.search_result
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
         notes = section_html("What to know of the files", notices)
         return notes + ("" if last is None else section_html(html.escape(last.sentence), last.words)) + found

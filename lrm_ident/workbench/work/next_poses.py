@@ -23,7 +23,7 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_ident.study.study import Study
-from lrm_ident.workbench.work.tasks import DoneCommand, FoundResult, PosesTask, section_html, unpacked
+from lrm_ident.workbench.work.tasks import DoneCommand, PosesTask, SearchResult, section_html, unpacked
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
@@ -36,7 +36,7 @@ MOST_RIVALS = 4
 """That are tried, one after the other, until some poses are expected to tell one from the first candidate."""
 
 
-def next_poses(study: Study, asked: PosesTask, progress: Progress) -> FoundResult:
+def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResult:
     """Chooses and keeps the next poses. Raises `LrmError`: none can tell any rivals apart, or too few are clear."""
     found = unpacked(asked.packed)
     left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
@@ -84,7 +84,7 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> FoundResul
     shown = [*(f"Not for a stronger rival: {words.removesuffix('.')}." for words in refused), *document.whole]
     arms = arm_lines(solve_equilibrium(model_of(arm, ()), chosen.poses))
     write_text(asked.kept, pose_table(chosen).csv())
-    return FoundResult(
+    return SearchResult(
         sentence=_sentence(names, chosen),
         words=section_html("Figures of the design", blocks_html(shown)),
         command=DoneCommand(("design", *arguments), asked.files.effects_file),

@@ -137,7 +137,7 @@ def propose(task: tasks.ProposeTask, send: tasks.Send) -> None:
     """Looks for a law, and keeps its file."""
     found = _study(task.files, send).propose()
     title, *rest = proposal_document(found).blocks
-    result = tasks.FoundResult(str(title), blocks_html(rest), command=task.files.command("propose"))
+    result = tasks.SearchResult(str(title), blocks_html(rest), command=task.files.command("propose"))
     if found.best is not None:
         write_text(task.kept, found.best.source)
         effect, command = f"{law_id(found.best.law)}@joint{found.best.law.joint + 1}", ("propose", "-o", task.kept)
@@ -155,7 +155,7 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
         problem = str(error)
         for path in (task.files.data, task.files.model):
             problem = problem.replace(str(path), path.name)
-        send(tasks.FoundResult(f"No poses were chosen after those of {task.files.data.name}", problem=problem))
+        send(tasks.SearchResult(f"No poses were chosen after those of {task.files.data.name}", problem=problem))
 
 
 def step_found(

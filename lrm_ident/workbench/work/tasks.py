@@ -110,7 +110,7 @@ class StepResult:
 
 
 @dataclass(frozen=True)
-class FoundResult:
+class SearchResult:
     """What was searched for: a law, or poses to measure next.
 
     Attributes:
@@ -178,7 +178,7 @@ class PosesTask(StepTask):
     """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not."""
 
 
-WorkMessage = WorkProgress | WorkNotice | StepResult | FoundResult | WorkDone
+WorkMessage = WorkProgress | WorkNotice | StepResult | SearchResult | WorkDone
 """What comes back of a task: any number of results, at last whether it is done."""
 Send = Callable[[WorkMessage], None]
 WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask | PosesTask

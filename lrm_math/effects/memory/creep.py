@@ -14,7 +14,7 @@ from lrm_math.effects.base import Amounts, Description, Extrapolation, Parameter
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import Number, chain_of
 from lrm_math.kinematics.dual import Dual
-from lrm_math.kinematics.history import Visits, course, differentiable, remembered
+from lrm_math.kinematics.history import Visits, differentiable, first_order_lag, lag_state
 from lrm_math.kinematics.poses import Poses
 
 LONG_S = 1e5
@@ -87,8 +87,8 @@ class _SlowSpring(EffectWithMemory):
         shapes, out = (constant, stood, rest, late), list[Number]()
         for motion, (a, load) in enumerate(zip(k, tau, strict=True)):
             if isinstance(a, Dual) or a:
-                course = partial(_course, self, poses.history.visits, pace, motion)
-                past, own = map(poses.history.own, differentiable(course, *shapes))
+                lag = partial(_lag, self, poses.history.visits, pace, motion)
+                past, own = map(poses.history.own, differentiable(lag, *shapes))
                 out.append(a * (past + own * load))
             else:
                 out.append(0.0)
@@ -100,7 +100,7 @@ class _SlowSpring(EffectWithMemory):
         """(M,) for each motion: the load c that its deflection has reached at the end of each visit (N·m)."""
         held = visits.loads(chain_of(self.arm), self.load_slots)
         starts = self._began(visits, pace)
-        return tuple(remembered(visits, x, c, constant, stood, rest, late) for x, c in zip(held.T, starts, strict=True))
+        return tuple(lag_state(visits, x, c, constant, stood, rest, late) for x, c in zip(held.T, starts, strict=True))
 
     def _began(self, visits: Visits, pace: int) -> tuple[float, ...]:
         """The same of one pace before the first visit."""
@@ -109,10 +109,10 @@ class _SlowSpring(EffectWithMemory):
 
 
 @lru_cache(maxsize=16)  # an equilibrium asks again at every iteration, a fit that holds the shapes at every step
-def _course(effect: _SlowSpring, visits: Visits, pace: int, motion: int, *shapes: complex) -> tuple[Array, Array]:
-    """`course` of one motion at one pace of an effect, at all visits."""
+def _lag(effect: _SlowSpring, visits: Visits, pace: int, motion: int, *shapes: complex) -> tuple[Array, Array]:
+    """`first_order_lag` of one motion at one pace of an effect, at all visits."""
     held = visits.loads(chain_of(effect.arm), effect.load_slots)[:, motion]
-    return course(visits, held, effect._began(visits, pace)[motion], *shapes)
+    return first_order_lag(visits, held, effect._began(visits, pace)[motion], *shapes)
 
 
 STOOD = Parameter(

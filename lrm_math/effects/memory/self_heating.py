@@ -8,7 +8,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts, Description, Extrapolation, JointEffect, Parameter
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import chain_of
-from lrm_math.kinematics.history import Visits, course, differentiable, remembered
+from lrm_math.kinematics.history import Visits, differentiable, first_order_lag, lag_state
 from lrm_math.kinematics.poses import Poses
 
 
@@ -39,14 +39,14 @@ class SelfHeating(EffectWithMemory, JointEffect):
             return (0.0,)
         visits = poses.history.visits
         held, [start] = self._losses(visits), self.began(visits)
-        parts = differentiable(lambda slow: course(visits, held, start, slow), constant)
+        parts = differentiable(lambda slow: first_order_lag(visits, held, start, slow), constant)
         past, own = map(poses.history.own, parts)
         return ((zero + gain * poses.angle(self.joint)) * (past + own * poses.history.own(held)),)
 
     def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
         """θ (N²m²)."""
         [start] = self.began(visits)
-        return (remembered(visits, self._losses(visits), start, p[2]),)
+        return (lag_state(visits, self._losses(visits), start, p[2]),)
 
     def _losses(self, visits: Visits) -> Array:
         """(M,), τ² at all visits (N²m²)."""

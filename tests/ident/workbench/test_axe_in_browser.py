@@ -55,8 +55,8 @@ def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) 
         page.get_by_role("button", name="Close").locator("visible=true").last.click()
         page.wait_for_timeout(SETTLED_MS)
     for name, dialog, closing in (
-        ("next poses", "#lrm-found", "close-found"),
-        ("propose a formula", "#lrm-found", "close-found"),
+        ("next poses", "#lrm-search", "close-search"),
+        ("propose a formula", "#lrm-search", "close-search"),
     ):
         press(page, name)
         page.wait_for_selector(dialog)

@@ -198,10 +198,10 @@ def test_auto_is_cancelled_and_a_law_is_proposed(browser: Any, small: RunningWor
     assert page.evaluate(ONE_STEP)
     press(page, "propose a formula")
     says(page, "#lrm-work", "law")
-    page.wait_for_selector("#lrm-found")
-    assert "laws were tried" in page.inner_text("#lrm-found")
+    page.wait_for_selector("#lrm-search")
+    assert "laws were tried" in page.inner_text("#lrm-search")
     shot(page, "law.png")
-    page.click("[data-name=close-found]")
+    page.click("[data-name=close-search]")
     page.context.close()
 
 

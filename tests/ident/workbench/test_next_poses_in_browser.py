@@ -22,11 +22,11 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     page = opened(browser, small, SIZE, seen)
     idle(page, RANKED)
     press(page, "next poses")
-    page.wait_for_selector("#lrm-found")
-    assert "poses will show whether it is backlash in joint 2 or " in page.inner_text("#lrm-found .lrm-verdict")
+    page.wait_for_selector("#lrm-search")
+    assert "poses will show whether it is backlash in joint 2 or " in page.inner_text("#lrm-search .lrm-verdict")
     wait_for(page, "lrm.scenes['next-arms']?.content.arms.length === 55")
     unfold(page)
-    words = page.inner_text("#lrm-found")
+    words = page.inner_text("#lrm-search")
     assert "Cosine between the motions of backlash in joint 2 and " in words
     shot(page, "next-poses.png")
     with page.expect_download() as download:
@@ -34,7 +34,7 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     assert download.value.suggested_filename.endswith("-next.csv")
     poses = Path(download.value.path()).read_text(encoding="utf-8")
     assert len(poses.splitlines()) == 56, "a header, 50 poses, 5 of them again"
-    page.click("[data-name=close-found]")
+    page.click("[data-name=close-search]")
     press(page, "commands")
     done = page.inner_text("#lrm-commands").splitlines()[-1]
     *command, _, _ = shlex.split(done)[1:]
@@ -53,9 +53,9 @@ def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: An
     for model in whole:
         model.write_text("schema = 'broken'")
     press(page, "next poses")
-    page.wait_for_selector("#lrm-found [role=alert]")
-    assert "part.csv" in page.inner_text("#lrm-found")
-    assert "schema" in page.inner_text("#lrm-found [role=alert]")
+    page.wait_for_selector("#lrm-search [role=alert]")
+    assert "part.csv" in page.inner_text("#lrm-search")
+    assert "schema" in page.inner_text("#lrm-search [role=alert]")
     shot(page, "next-poses-refused.png")
     assert not page.get_by_role("button", name="Download").count()
     page.context.close()
