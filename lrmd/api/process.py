@@ -273,17 +273,20 @@ class ApiProcess:
 
     def _supervise(self, now: int) -> None:
         silent = now - max(self._ticked_at, self._ramp.started_at)
-        stuck = silent > (RAMP_TIMEOUT if self._ticked_at > self._ramp.started_at else START_TIMEOUT)
-        self._keep_alive(self._ramp, f"no tick for {silent / SECOND:.1f} s" if stuck else None, "error", now)
+        began = self._ticked_at > self._ramp.started_at
+        stuck = silent > (RAMP_TIMEOUT if began else START_TIMEOUT)
+        self._keep_alive(self._ramp, began, f"no tick for {silent / SECOND:.1f} s" if stuck else None, "error", now)
         if now >= self._ik_due and self._keep_ik_alive(now):
             self._shared.ik[0] = 0
-        if self._keep_alive(self._router, silence(self._shared.router[0], ROUTER_TIMEOUT, now), "error", now):
+        heartbeat = self._shared.router[0]
+        if self._keep_alive(self._router, heartbeat > 0, silence(heartbeat, ROUTER_TIMEOUT, now), "error", now):
             self._shared.router[0] = 0
 
     def _keep_ik_alive(self, now: int) -> bool:
         """Whether the ik process was restarted, or given up for a while: the arm does not depend on it."""
+        heartbeat = self._shared.ik[0]
         try:
-            return self._keep_alive(self._ik, silence(self._shared.ik[0], IK_TIMEOUT, now), "warning", now)
+            return self._keep_alive(self._ik, heartbeat > 0, silence(heartbeat, IK_TIMEOUT, now), "warning", now)
         except RestartLimitExceeded as error:
             if not self._was_ready:
                 raise
@@ -292,13 +295,13 @@ class ApiProcess:
             self._emit("ik_given_up", "error", text)
             return True
 
-    def _keep_alive(self, child: ChildProcess, stuck: str | None, level: Level, now: int) -> bool:
+    def _keep_alive(self, child: ChildProcess, began: bool, stuck: str | None, level: Level, now: int) -> bool:
         ended = child.ended() or stuck
         if ended is None:
             return False
         child.kill()
         self._emit(f"{child.name}_died", level, f"the {child.name} process ended ({ended}); restarting it")
-        child.start(now)
+        child.restart(now, began)
         return True
 
     def _answered(self, number: int, reply: Header | LrmError) -> None:
