@@ -29,10 +29,11 @@ from lrmd.config import load_config
 from lrmd.control.state import ControllerEvent
 from lrmd.control.state_machine import Mode
 from lrmd.messages.codec import MessageError
-from lrmd.messages.control import Event, FaultEntry, FaultsState, ThermalState
+from lrmd.messages.control import Event, FaultEntry, FaultsState, MoveRequest, ThermalState
 from lrmd.messages.kinematics import PlanRequest
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
+from tests.support.daemon.armed_daemon import take
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 
@@ -293,6 +294,27 @@ def test_a_motion_that_ends_early_is_exit_code_1(
         code, out, err = typed("move", "--joint", "1", "40deg")
     assert (code, out) == (1, "")
     assert err == "lrm: the motion ended before its goal: fault (the board lost its power; the arm is limp)\n"
+
+
+def test_a_motion_whose_place_another_clients_took_is_not_said_to_be_there(
+    daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]
+) -> None:
+    """The other one takes the lease, and moves, between two looks at the mode."""
+    does("arm", "--q", ZERO)
+    rival: list[str] = []
+
+    def taken(_: InMemoryDaemon, tail: str, before=InMemoryDaemon.state) -> object:
+        if tail == "state/mode" and not rival and daemon.sim.core.mode is Mode.MOVING:
+            rival.append(take(daemon.sim))
+            daemon.sim.settle()
+            daemon.sim.core.handle(MoveRequest(lease=rival[0], waypoints=[{"joint1": -0.1}]), daemon.sim.now)
+        return before(daemon, tail)
+
+    with mock.patch.object(InMemoryDaemon, "state", taken):
+        code, out, err = typed("move", "--joint", "1", "40deg")
+    assert rival
+    assert (code, out) == (1, "")
+    assert "another motion took its place: joint1 is not where it was sent" in err
 
 
 @pytest.mark.usefixtures("daemon")
