@@ -69,10 +69,15 @@ def goal_at(host: ServoHost, servo: JointServo) -> int:
 
 
 def bound_torque(host: ServoHost, numbers: Sequence[int], share: float) -> None:
-    """Bounds the torque of servos to a share of their greatest. Raises `NoAnswer`."""
+    """Bounds the torque of servos to a share of their greatest. Raises `NoAnswer`.
+
+    That of a servo which holds is only lowered: one that was too weak for its goal would turn there with more.
+    """
     for number in numbers:
-        most = host.read_with_retries(number, host.kind.most)
-        host.write_with_retries(number, host.kind.limit, round(share * most))
+        bound = round(share * host.read_with_retries(number, host.kind.most))
+        if host.read_with_retries(number, host.kind.torque):
+            bound = min(bound, host.read_with_retries(number, host.kind.limit))
+        host.write_with_retries(number, host.kind.limit, bound)
 
 
 def released(host: ServoHost, servos: Sequence[JointServo]) -> list[str]:

@@ -128,6 +128,19 @@ def test_torque_is_bounded_before_it_is_on() -> None:
     assert not wrong
 
 
+def test_a_servo_that_holds_with_less_torque_gets_no_more() -> None:
+    """It may press against something, or hang: with more torque it would turn to a goal of somebody before."""
+    line = line_of(*NUMBERS)
+    weak, strong = line.bus.servos[:2]
+    for servo, limit in ((weak, 150), (strong, 1000)):
+        table.TORQUE_ENABLE.write(servo.memory, 1)
+        table.TORQUE_LIMIT.write(servo.memory, limit)
+    table.TORQUE_LIMIT.write(line.bus.servos[2].memory, 150)
+    held(line)
+    limits = [table.TORQUE_LIMIT.read(servo.memory) for servo in line.bus.servos]
+    assert limits == [150, *[round(TORQUE * 1000)] * 4]
+
+
 def questions() -> int:
     """Number of packets of the host from the first to torque on all."""
     line = LossyLine(FeetechBus([FeetechServo(number) for number in NUMBERS]))
