@@ -46,8 +46,16 @@ SERVOS_OFF = {"disarmed", "estop", "fault"}
 
 FIRST_FRAME_S, LOOK_S = 15.0, 0.25
 """s: how long to wait for the first frame, by how much at a time."""
+AWAY_S = 10.0
+"""s beyond a wait after which a program was away; as long as a daemon gives an expired lease back."""
 MOST_FRAMES = 100_000
 """Frames that are kept of one rest."""
+
+
+def _time() -> float:
+    """Time (s) that goes on while the computer is suspended, where there is a clock for it (Linux)."""
+    clock = getattr(time, "CLOCK_BOOTTIME", None)
+    return time.monotonic() if clock is None else time.clock_gettime(clock)
 
 
 class RealClock:
@@ -58,8 +66,15 @@ class RealClock:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Waits; not for a negative time."""
-        time.sleep(max(0.0, seconds))
+        """Waits; not for a negative time.
+
+        Raises `LrmError` where the computer was suspended or the program stopped meanwhile: who wakes it did not ask
+        the arm to move. A daemon ends such a client's lease by itself.
+        """
+        wait, began = max(0.0, seconds), _time()
+        time.sleep(wait)
+        if (away := _time() - began - wait) > AWAY_S:
+            raise LrmError(f"this computer or program stood still for {away:.0f} s; begin again where the arm may move")
 
 
 @dataclass(frozen=True)
