@@ -11,14 +11,14 @@ from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words, poses_words
-from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
+from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objection_to_prediction
 from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
+from lrm_ident.report.diagnosis.conclusion import ELSEWHERE, UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import diagnose_next, error_blocks, parameter_table
@@ -248,9 +248,16 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
             f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f} another cause may "
             "stand behind it."
         )
+    if elsewhere := [step.added for step, one, _ in steps if _acts_elsewhere(course, step, one)]:
+        yield f"Of these {enumerate_words(elsewhere, SHOWN)}: {ELSEWHERE}."
     if terms := named("empirical term"):
         listed = enumerate_words([step.added for step in terms], len(terms))
         yield f"Empirical terms, without an identified cause: {listed}"
+
+
+def _acts_elsewhere(course: AutoRun, step: Step, one: StepAttribution) -> bool:
+    """Whether a step is a candidate cause, and what its effect follows moves the arm elsewhere, too."""
+    return one.kind == Support.POSSIBLE_CAUSE and step.added in course.report.elsewhere
 
 
 def _chosen(nested: NestedResidual) -> str:
