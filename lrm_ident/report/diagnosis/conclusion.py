@@ -408,3 +408,5 @@ def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[
         yield NextStep(report.hint, f"lrm-ident propose {model} {data} -o law.py")
     else:
         yield NextStep(report.hint)
+    if report.verdict == Verdict.UNPREDICTABLE:
+        yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=STOPGAP)
