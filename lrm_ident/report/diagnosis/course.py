@@ -11,14 +11,14 @@ from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words, poses_words
-from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
+from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objection_to_prediction
 from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
-from lrm_ident.report.diagnosis.conclusion import ELSEWHERE, UNKNOWN_FILES, CommandNames, conclude
+from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import diagnose_next, error_blocks, parameter_table
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
-SHOWN = 8
+SHOWN, ALSO = 8, ", acts elsewhere too"
 TRACKERS_SCALE = "tracker's scale"
 STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
@@ -237,27 +237,23 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     for step in named("indistinguishable cause"):
         others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
+    elsewhere = course.report.elsewhere
     ratios = [
-        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f})"
+        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in elsewhere else ''})"
         for step, one, explained in steps
         if one.kind == Support.POSSIBLE_CAUSE
     ]
     if ratios:
+        candidates = enumerate_words(ratios, len(ratios))
+        or_elsewhere = ", or where what it follows also acts elsewhere," if ALSO in candidates else ""
         yield (
-            f"Candidate causes: {enumerate_words(ratios, len(ratios))}. In brackets: the squared error that stays "
-            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f} another cause may "
-            "stand behind it."
+            f"Candidate causes: {candidates}. In brackets: the squared error that stays "
+            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_elsewhere} "
+            "another cause may stand behind it."
         )
-    if elsewhere := [step.added for step, one, _ in steps if _acts_elsewhere(course, step, one)]:
-        yield f"Of these {enumerate_words(elsewhere, SHOWN)}: {ELSEWHERE}."
     if terms := named("empirical term"):
         listed = enumerate_words([step.added for step in terms], len(terms))
         yield f"Empirical terms, without an identified cause: {listed}"
-
-
-def _acts_elsewhere(course: AutoRun, step: Step, one: StepAttribution) -> bool:
-    """Whether a step is a candidate cause, and what its effect follows moves the arm elsewhere, too."""
-    return one.kind == Support.POSSIBLE_CAUSE and step.added in course.report.elsewhere
 
 
 def _chosen(nested: NestedResidual) -> str:
