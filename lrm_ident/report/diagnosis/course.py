@@ -245,7 +245,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     ]
     if ratios:
         candidates = enumerate_words(ratios, len(ratios))
-        or_elsewhere = ", or where what it follows also acts elsewhere," if ALSO in candidates else ""
+        or_elsewhere = ", or if it acts elsewhere," if ALSO in candidates else ""
         yield (
             f"Candidate causes: {candidates}. In brackets: the squared error that stays "
             f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_elsewhere} "
