@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -44,6 +45,19 @@ class ArmState:
     direction: tuple[int, ...]
     temperature: float
     session: int
+
+
+@dataclass(frozen=True)
+class PowerOn:
+    """Power-on session of the servos.
+
+    `name`: another whenever they were switched on anew. `ago`: since when they have power (s). `temperature`: of the
+    hottest then (degC). NaN where that is not known.
+    """
+
+    name: str
+    ago: float = math.nan
+    temperature: float = math.nan
 
 
 class DataFile:
@@ -99,26 +113,31 @@ class DataFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def begin(self, power_on: str, arm: str, source: str, **known: object) -> int:
+    def begin(self, power_on: PowerOn, t: float, arm: str, source: str, **known: object) -> int:
         """Writes the metadata, of those that there are already the power-on session only; then an empty file's header.
 
-        `power_on`: name of the servos' power-on session, another whenever they were switched on anew; the others as of
-        `metadata_toml`. Returns the session of the next rows: the last row's, or the next one if they were.
+        `t`: the tracker's time now (s), which is that of t_s = 0 in a new file; the others as of `metadata_toml`.
+        Returns the session of the next rows: the last row's, or the next one if the servos were switched on anew.
         """
         if self.head is None:
-            self._write_metadata(metadata_toml(arm, source, **known, power_ons=[power_on]))
+            self._write_metadata(metadata_toml(arm, source, t0_s=t, **known))
         if not self.path.stat().st_size:
             self._write(",".join(self._columns()))
-        return self._open_session(power_on)
+        return self._open_session(power_on, t)
 
-    def _open_session(self, power_on: str) -> int:
+    def _open_session(self, power_on: PowerOn, t: float) -> int:
         assert self.head is not None
         known = [*self.head.power_ons, *[""] * self.last_session]
-        session = self.last_session + (bool(self.done) and known[self.last_session - 1] != power_on)
-        names = [*known[: session - 1], power_on]
+        session = self.last_session + (bool(self.done) and known[self.last_session - 1] != power_on.name)
+        names = [*known[: session - 1], power_on.name]
         if names != self.head.power_ons:
-            content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True)
-            self._write_metadata(tomli_w.dumps(content | {"power_ons": names}))
+            now = after_midnight(t - (self.head.t0_s or 0.0), self._last_t)
+            content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True) | {
+                "power_ons": names,
+                "power_on_t_s": _one_more(self.head.power_on_t_s, session, round(now - power_on.ago, 3)),
+                "power_on_temp_c": _one_more(self.head.power_on_temp_c, session, power_on.temperature),
+            }
+            self._write_metadata(tomli_w.dumps(content))
         return session
 
     def _write_metadata(self, text: str) -> None:
@@ -152,6 +171,12 @@ class DataFile:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise FileError(self.path, "", f"cannot be written ({error.strerror})") from None
+
+
+def _one_more(known: Sequence[float], session: int, value: float) -> list[float]:
+    """What is known of each session, with the value of the last, number `session`; empty where nothing is known."""
+    values = [*[*known, *[math.nan] * session][: session - 1], value]
+    return [] if all(map(math.isnan, values)) else values
 
 
 def _orientation_cells(rest: RestMean) -> list[str]:
