@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from lrm_ident.data.measurement_file.approach_path import states_from_beside
 from lrm_ident.data.measurement_file.conventions import motion_of
 from lrm_ident.data.measurement_file.known_columns import DOWN, TILT
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_error
-from lrm_ident.data.measurement_file.power_ons import NO_POWER_ONS, PowerOns
+from lrm_ident.data.measurement_file.power_ons import PowerOnTime, powered, running, warmed
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
@@ -34,7 +34,7 @@ def read_poses(
     how: Reading,
     start: Array | None = None,
     beside: float | None = None,
-    power: PowerOns = NO_POWER_ONS,
+    power: Sequence[PowerOnTime] = (),
 ) -> Poses:
     """The poses of a table; gravity in the frame of its positions.
 
@@ -71,9 +71,9 @@ def read_poses(
         friction=friction,
         gravity=down,
         history=history_of(q, load, t, session, number, down, start, table.column("hold")),
-        running=None if t is None else power.running(t, np.ones(len(t)) if session is None else session),
-        powered=None if t is None else power.powered(t),
-        warmed=power.warmed(table.column("temperature")),
+        running=None if t is None else running(power, t, np.ones(len(t)) if session is None else session),
+        powered=None if t is None else powered(power, t),
+        warmed=warmed(power, table.column("temperature")),
         sha256=table.cells.sha256,
     )
 

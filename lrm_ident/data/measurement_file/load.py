@@ -59,7 +59,7 @@ def read_measured(
     require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
-    beside, power, noise_sd = said.metadata.beside, said.metadata.power, said.metadata.noise_sd_mm
+    beside, power, noise_sd = said.metadata.beside, said.metadata.power_on, said.metadata.noise_sd_mm
     poses = read_poses(table, arm, said.how, said.start, beside, power)
     data = Measurements(
         poses=poses,
@@ -115,7 +115,7 @@ def load_pose_table(
     table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
     for _, error in table.beyond:
         raise error
-    return read_poses(table, arm, how, said.start, power=said.metadata.power).turned(motion_of(how)[0]), table
+    return read_poses(table, arm, how, said.start, power=said.metadata.power_on).turned(motion_of(how)[0]), table
 
 
 def says_measured(path: Path) -> bool:

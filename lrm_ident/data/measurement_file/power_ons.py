@@ -2,39 +2,40 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from lrm_math.arrays import Array
+from lrm_math.toml_file import StrictSchema
 
 
-@dataclass(frozen=True)
-class PowerOns:
-    """`times`: t_s (s) at which the servos got power, of each session from 1; `temperatures`: of the hottest servo then
-    (°C). NaN where that is not known."""
+class PowerOnTime(StrictSchema):
+    """`t_s` at which the servos got power for a `session`; `temp_c`: temperature of the hottest then, if known."""
 
-    times: tuple[float, ...] = ()
-    temperatures: tuple[float, ...] = ()
-
-    def running(self, t: Array, session: Array) -> Array:
-        """(N,), time since the power-on of the session (s); since its first pose where the power-on is not known."""
-        began = np.empty(len(t))
-        for number in np.unique(session):
-            rows = session == number
-            known = self.times[int(number) - 1] if 0 < number <= len(self.times) else math.nan
-            began[rows] = t[rows].min() if math.isnan(known) else known
-        return t - began
-
-    def powered(self, t: Array) -> Array | None:
-        """(N,), time since the first power-on (s); None where it is not known."""
-        return None if not self.times or math.isnan(self.times[0]) else t - self.times[0]
-
-    def warmed(self, temperature: Array | None) -> Array | None:
-        """(N,), temperature less that at the first power-on (K); None where either is not known."""
-        known = self.temperatures[0] if self.temperatures else math.nan
-        return None if temperature is None or math.isnan(known) else temperature - known
+    session: Annotated[int, Field(ge=1)]
+    t_s: float
+    temp_c: float | None = None
 
 
-NO_POWER_ONS = PowerOns()
+def running(power: Sequence[PowerOnTime], t: Array, session: Array) -> Array:
+    """(N,), time since the power-on of the session (s); since its first pose where the power-on is not known."""
+    known, began = {one.session: one.t_s for one in power}, np.empty(len(t))
+    for number in np.unique(session).tolist():
+        rows = session == number
+        began[rows] = known.get(number, t[rows].min())
+    return np.asarray(t - began)
+
+
+def powered(power: Sequence[PowerOnTime], t: Array) -> Array | None:
+    """(N,), time since the first power-on (s); None where it is not known."""
+    first = next((one for one in power if one.session == 1), None)
+    return None if first is None else t - first.t_s
+
+
+def warmed(power: Sequence[PowerOnTime], temperature: Array | None) -> Array | None:
+    """(N,), temperature less that at the first power-on (K); None where either is not known."""
+    first = next((one.temp_c for one in power if one.session == 1), None)
+    return None if temperature is None or first is None else temperature - first

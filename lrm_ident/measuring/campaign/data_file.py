@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -52,12 +51,12 @@ class PowerOn:
     """Power-on session of the servos.
 
     `name`: another whenever they were switched on anew. `ago`: since when they have power (s). `temperature`: of the
-    hottest then (degC). NaN where that is not known.
+    hottest then (degC). None where that is not known.
     """
 
     name: str
-    ago: float = math.nan
-    temperature: float = math.nan
+    ago: float | None = None
+    temperature: float | None = None
 
 
 class DataFile:
@@ -127,17 +126,17 @@ class DataFile:
 
     def _open_session(self, power_on: PowerOn, t: float) -> int:
         assert self.head is not None
-        known = [*self.head.power_ons, *[""] * self.last_session]
-        session = self.last_session + (bool(self.done) and known[self.last_session - 1] != power_on.name)
-        names = [*known[: session - 1], power_on.name]
+        before = [*self.head.power_ons, *[""] * self.last_session]
+        session = self.last_session + (bool(self.done) and before[self.last_session - 1] != power_on.name)
+        names = [*before[: session - 1], power_on.name]
         if names != self.head.power_ons:
-            now = after_midnight(t - (self.head.t0_s or 0.0), self._last_t)
-            content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True) | {
-                "power_ons": names,
-                "power_on_t_s": _one_more(self.head.power_on_t_s, session, round(now - power_on.ago, 3)),
-                "power_on_temp_c": _one_more(self.head.power_on_temp_c, session, power_on.temperature),
-            }
-            self._write_metadata(tomli_w.dumps(content))
+            content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True)
+            known = [one for one in content["power_on"] if one["session"] < session]
+            if power_on.ago is not None:
+                now = after_midnight(t - (self.head.t0_s or 0.0), self._last_t)
+                begun = {"session": session, "t_s": round(now - power_on.ago, 3), "temp_c": power_on.temperature}
+                known.append({key: value for key, value in begun.items() if value is not None})
+            self._write_metadata(tomli_w.dumps(content | {"power_ons": names, "power_on": known}))
         return session
 
     def _write_metadata(self, text: str) -> None:
@@ -171,12 +170,6 @@ class DataFile:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise FileError(self.path, "", f"cannot be written ({error.strerror})") from None
-
-
-def _one_more(known: Sequence[float], session: int, value: float) -> list[float]:
-    """What is known of each session, with the value of the last, number `session`; empty where nothing is known."""
-    values = [*[*known, *[math.nan] * session][: session - 1], value]
-    return [] if all(map(math.isnan, values)) else values
 
 
 def _orientation_cells(rest: RestMean) -> list[str]:

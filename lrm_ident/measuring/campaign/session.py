@@ -210,10 +210,8 @@ def power_on(rover: Rover) -> PowerOn:
     """The servos' present power-on session, named by the daemon's boot id and the event in which they were last off."""
     modes = [event for event in rover.events() if event.code == "mode"]
     off = [event.seq for event in modes if SERVOS_OFF & {str(event.detail.get(key)) for key in ("before", "mode")}]
-    name, heat = f"{rover.boot_id}-{max(off, default=0)}", rover.thermal()
-    if heat.powered_s is None or heat.powered_at_c is None:
-        return PowerOn(name)
-    return PowerOn(name, heat.powered_s, heat.powered_at_c)
+    heat = rover.thermal()
+    return PowerOn(f"{rover.boot_id}-{max(off, default=0)}", heat.powered_s, heat.powered_at_c)
 
 
 class ZenohTracker(AbstractContextManager["ZenohTracker"]):

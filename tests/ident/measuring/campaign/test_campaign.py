@@ -280,10 +280,10 @@ def test_the_poses_know_since_when_their_session_has_power(sessions: list[tuple[
             t += gap + 1.0 if gap < 4e4 else 1.0
             with DataFile(path := Path(folder) / "data.csv", 6) as file:
                 session = file.begin(
-                    PowerOn(str(number), ago if known else math.nan, 20.0 + number), t % 86_400.0, "lrm-lab", "test"
+                    PowerOn(str(number), ago if known else None, 20.0 + number), t % 86_400.0, "lrm-lab", "test"
                 )
                 for row in range(2):
-                    rest = RestMean(np.zeros(3), 1e-4, (t + 10.0 * row) % 86_400.0, 30)
+                    rest = RestMean(np.full(3, 0.1), 1e-4, (t + 10.0 * row) % 86_400.0, 30)
                     state = ArmState((0.0,) * 6, (0,) * 6, 30.0, session)
                     file.append(PlannedPose(len(expected) + 1, (0.0,) * 6, 0.0, (), len(expected) + 1), state, rest)
                     expected.append(10.0 * row + (ago if known else 0.0))

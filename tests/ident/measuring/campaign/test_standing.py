@@ -175,13 +175,14 @@ def test_the_time_since_power_on_is_that_of_the_pulses(daemon: InMemoryDaemon, r
     """Not of the session's first motion, and anew after each time without pulses."""
     names = rover.info().names[:6]
     for _ in range(2):
-        assert math.isnan(power_on(rover).ago)
+        assert power_on(rover).ago is None
         rover.arm("given", dict.fromkeys(names, 0.0))
         begun, began = power_on(rover), daemon.sim.now
-        daemon.run(500)
         rover.move({"joint1": 0.1}, {"joint1": 0.0})
         later = power_on(rover)
         assert later.name == begun.name
+        assert begun.ago is not None
+        assert later.ago is not None
         assert later.ago - begun.ago == pytest.approx((daemon.sim.now - began) / SECOND, abs=0.1)
         assert later.temperature == begun.temperature
         rover.disarm()
