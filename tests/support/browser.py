@@ -24,6 +24,12 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 ARGUMENTS = ["--no-sandbox"]
 PATIENCE_MS, POLLING_MS = 120_000, 100
 """How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
+FRAMES = """([frames, atMost]) => new Promise((done) => {
+  const next = () => (frames-- > 0 ? requestAnimationFrame(next) : done());
+  next();
+  setTimeout(done, atMost);
+})"""
+FRAMES_HZ = 60
 SHOTS = ROOT / "out" / "workbench"
 AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
 NO_AXE = "no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js"
@@ -166,6 +172,14 @@ def says(page: Any, selector: str, words: str) -> None:
 def wait_for(page: Any, condition: str) -> None:
     """Waits until a condition holds in the page."""
     page.wait_for_function(condition, timeout=PATIENCE_MS, polling=POLLING_MS)
+
+
+def settle(page: Any, milliseconds: int) -> None:
+    """Waits for what is drawn later than it is asked for: as many frames as fit into a time on an idle computer.
+
+    A tab in the background draws none: at most ten times as long.
+    """
+    page.evaluate(FRAMES, [max(1, milliseconds * FRAMES_HZ // 1000), 10 * milliseconds])
 
 
 def axe_violations(page: Any) -> list[tuple[str, list[str]]]:

@@ -25,7 +25,7 @@ from lrm_math.model.model_file import ModelFile
 from lrm_math.model.step_name import REFIT, StepName
 from lrm_math.toml_file import read_toml
 from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
-from tests.support.browser import BrowserLog, axe_violations, chromium, shot, with_axe
+from tests.support.browser import BrowserLog, axe_violations, chromium, settle, shot, with_axe
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.sweep import soak
 
@@ -97,7 +97,7 @@ def test_the_page_fits_every_screen(browser: Any, identified: tuple[Path, str], 
             page.goto((identified[0] / "fleet.html").as_uri())
             page.wait_for_selector("#lrm-parameter .main-svg", state="attached")
             assert page.evaluate("document.documentElement.dataset.theme") == scheme
-            page.wait_for_timeout(500)
+            settle(page, 500)
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
             mark = page.evaluate("document.querySelector('#lrm-parameter .annotation').getBoundingClientRect().right")
             assert mark <= page.evaluate("document.getElementById('lrm-parameter').getBoundingClientRect().right")

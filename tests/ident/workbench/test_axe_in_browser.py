@@ -7,7 +7,18 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import RunningWorkbench, axe_violations, idle, opened, press, says, shot, wait_for, with_axe
+from tests.support.browser import (
+    RunningWorkbench,
+    axe_violations,
+    idle,
+    opened,
+    press,
+    says,
+    settle,
+    shot,
+    wait_for,
+    with_axe,
+)
 
 SIZE, WIDTHS = {"width": 1280, "height": 900}, (390, 1440)
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -23,7 +34,7 @@ def faults(page: Any, name: str, turn: Callable[[], object]) -> list[tuple[objec
         theme = page.evaluate(THEME)
         for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
-            page.wait_for_timeout(SETTLED_MS)
+            settle(page, SETTLED_MS)
             shot(page, f"axe-{name}-{theme}-{width}.png")
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, width)
             found += [(name, theme, width, *fault) for fault in axe_violations(page)]
@@ -50,10 +61,10 @@ def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) 
     look("what-if-and-explain")
     for name in ("save…", "commands", "live…", "tour"):
         press(page, name)
-        page.wait_for_timeout(SETTLED_MS)
+        settle(page, SETTLED_MS)
         look(name.strip("…"))
         page.get_by_role("button", name="Close").locator("visible=true").last.click()
-        page.wait_for_timeout(SETTLED_MS)
+        settle(page, SETTLED_MS)
     for name, dialog, closing in (
         ("next poses", "#lrm-search", "close-search"),
         ("propose a formula", "#lrm-search", "close-search"),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
-from tests.support.browser import RunningWorkbench, idle, opened, press, wait_for
+from tests.support.browser import RunningWorkbench, idle, opened, press, settle, wait_for
 from tests.support.commands import part_of_example, stdout_of
 from tests.support.geometry import faults_of_geometry
 from tests.support.sweep import in_soak
@@ -50,7 +50,7 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
         page.set_viewport_size({"width": width, "height": 844})
         page.goto(report.as_uri())
         page.wait_for_selector("#lrm-card-4 .main-svg", state="attached")
-        page.wait_for_timeout(SETTLED_MS)
+        settle(page, SETTLED_MS)
         assert faults_of_geometry(page) == [], width
         assert page.evaluate(NO_WIDER), width
         if width == min(WIDTHS):
@@ -72,13 +72,13 @@ def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: Run
     for width in (1440, 390):
         page = opened(browser, small, {"width": width, "height": 844})
         idle(page, RANKED)
-        page.wait_for_timeout(SETTLED_MS)
+        settle(page, SETTLED_MS)
         assert faults_of_geometry(page) == [], width
         assert page.evaluate(NO_WIDER), width
         assert min(page.evaluate(FIELD)) > 240, "the field is squeezed"
         press(page, "tour")
         for _ in range(6):
-            page.wait_for_timeout(200)
+            settle(page, 200)
             head, top, card = page.evaluate(PLACES)
             assert head > 0, "the head stays"
             assert top < card, "what is framed is seen beside the card"
@@ -86,7 +86,7 @@ def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: Run
         for name, dialog in (("save…", "#lrm-save"), ("commands", "#lrm-done"), ("live…", "#lrm-live")):
             press(page, name)
             page.wait_for_selector(dialog)
-            page.wait_for_timeout(SETTLED_MS)
+            settle(page, SETTLED_MS)
             box = page.evaluate(f"(({{ left, right }}) => [left, right])"
                                 f"(document.querySelector('{dialog}').getBoundingClientRect())")  # fmt: skip
             assert box[0] >= 0, name

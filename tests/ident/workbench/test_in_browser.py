@@ -18,6 +18,7 @@ from tests.support.browser import (
     opened,
     press,
     says,
+    settle,
     shot,
     unfold,
     wait_for,
@@ -86,7 +87,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     shot(page, "after.png")
     unfold(page)
     page.select_option("#lrm-beside", "0")
-    page.wait_for_timeout(1500)
+    settle(page, 1500)
     shot(page, "side-by-side.png")
     page.select_option("#lrm-beside", "")
     page.keyboard.press("u")
@@ -111,7 +112,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     """Dark, with the keyboard alone; poses that are marked in one view are marked in all; on a tablet."""
     dark = opened(browser, running, SIZE, scheme="dark")
     wait_for(dark, RANKED)
-    dark.wait_for_timeout(1500)
+    settle(dark, 1500)
     shot(dark, "dark.png")
     assert dark.evaluate("document.documentElement.dataset.theme") == "dark"
     fits = "document.documentElement.scrollWidth <= innerWidth && "
@@ -132,14 +133,14 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     dark.keyboard.press("ArrowLeft")
     wait_for(dark, f"Math.abs(lrm.scenes.field.dots[{row}][0] - {before}) > 1")
     dark.evaluate("lrm.brush(new Set([3, 7]))")
-    dark.wait_for_timeout(500)
     rows = dark.evaluate("[3, 7].map((pose) => lrm.state.values.pose.indexOf(pose))")
     for figure in ("turn", "form", "added"):
-        assert dark.evaluate(f"document.getElementById('lrm-{figure}').data[0].selectedpoints") == rows
+        marked = f"document.getElementById('lrm-{figure}').data[0].selectedpoints"
+        wait_for(dark, f"JSON.stringify({marked}) === JSON.stringify({rows})")
     assert dark.evaluate("[...lrm.scenes.field.content.marked]") == rows
     dark.context.close()
     tablet = opened(browser, running, {"width": 820, "height": 1180})
-    tablet.wait_for_timeout(1500)
+    settle(tablet, 1500)
     assert "another tab" not in tablet.inner_text("#lrm-failure")
     assert tablet.evaluate("document.documentElement.scrollWidth <= innerWidth")
     shot(tablet, "tablet.png")

@@ -13,7 +13,18 @@ from hypothesis import strategies as st
 from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows_to_draw
 from tests.conftest import EXAMPLE
-from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for, workbench
+from tests.support.browser import (
+    BrowserLog,
+    RunningWorkbench,
+    idle,
+    opened,
+    press,
+    settle,
+    shot,
+    unfold,
+    wait_for,
+    workbench,
+)
 from tests.support.commands import FEW, stdout_of
 
 SIZE = {"width": 1440, "height": 900}
@@ -84,7 +95,7 @@ def test_views_scrubber_filter_and_links_that_are_solids(browser: Any, small: Ru
     shots = {}
     for name in ("top", "side", "tool", "oblique"):
         page.get_by_role("button", name=f"view from: {name}").click()
-        page.wait_for_timeout(200)
+        settle(page, 200)
         shots[name] = page.locator("#lrm-field").screenshot()
     assert len(set(shots.values())) == 4
     page.get_by_role("button", name="view from: top").click()
@@ -120,7 +131,7 @@ def links_are_solids_before_what_is_behind_them(page: Any) -> None:
     assert page.evaluate(BEFORE_AND_BEHIND) == ["before", "at the edge", "under the end", "over the end"]
     for view in ("top", "side", "oblique"):
         page.get_by_role("button", name=f"view from: {view}").click()
-        page.wait_for_timeout(200)
+        settle(page, 200)
         blue, largest, together = page.evaluate(BLUE)
         assert 0.5 * largest < blue < together, view
 
@@ -171,12 +182,12 @@ def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench,
     """Page and report, each from its top to its end."""
     page = opened(browser, small, {"width": width, "height": 900})
     idle(page, RANKED)
-    page.wait_for_timeout(1500)
+    settle(page, 1500)
     with page.context.expect_page() as other:
         press(page, "report")
     other.value.wait_for_selector("#lrm-field canvas")
     for name, one in (("page", page), ("report", other.value)):
-        one.wait_for_timeout(1500)
+        settle(one, 1500)
         assert one.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
         shot(one, f"{name}-{width}.png", full_page=True)
     field = page.evaluate("(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, unfold, wait_for
+from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, settle, shot, unfold, wait_for
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -63,7 +63,7 @@ def test_a_step_is_seen_to_happen(browser: Any, small: RunningWorkbench) -> None
     for shown, beside in (("1", "0"), ("0", "1")):
         page.select_option("#lrm-step", shown)
         page.select_option("#lrm-beside", beside)
-        page.wait_for_timeout(300)
+        settle(page, 300)
         left, right = page.evaluate("['field', 'field-b'].map((id) => lrm.scenes[id].content.title)")
         assert (left[:7], right[:6]) == ("before:", "after:"), "before stands left, after right"
     boxes = page.evaluate(

@@ -18,6 +18,7 @@ from tests.support.browser import (
     opened,
     press,
     says,
+    settle,
     shot,
     wait_for,
     workbench,
@@ -63,7 +64,7 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
         breaks_where_data_differ(page)
         page.click("[data-name=add]")
         wait_for(page, TWO_STEPS)
-        page.wait_for_timeout(500)
+        settle(page, 500)
         breaks_where_data_differ(page)
         idle(page, RANKED)
         data.write_text("".join(rows[:121]))
@@ -93,7 +94,7 @@ def test_the_list_says_what_it_shows_and_the_second_quantity_of_a_form_is_its_co
     page = opened(browser, small, SIZE)
     idle(page, RANKED)
     says_what_it_shows(page)
-    page.wait_for_timeout(1000)
+    settle(page, 1000)
     for x in page.evaluate(LINES):
         known = [one for one in x if one is not None]
         assert all(a < b for a, b in pairwise(known)), "a line joins points of equal x"
@@ -141,7 +142,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     while not page.evaluate(f"{TWO_STEPS} && {RANKED}"):
         assert page.evaluate(BOXES) == boxes
         assert page.evaluate(under)
-        page.wait_for_timeout(100)
+        settle(page, 100)
     idle(page, RANKED)
     assert page.evaluate(BOXES) == boxes
     after = page.evaluate("lrm.state.values.history[1].held")
@@ -217,7 +218,7 @@ def test_the_report_on_paper_and_its_theme(browser: Any, report: Path) -> None:
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(13, 17, 23)"
     page.click("#lrm-theme")
     wait_for(page, "document.documentElement.dataset.theme === 'light'")
-    page.wait_for_timeout(STORED_MS)
+    settle(page, STORED_MS)
     page.reload()
     assert page.evaluate("document.documentElement.dataset.theme") == "light", "the theme is not remembered"
     page.context.close()
