@@ -218,7 +218,7 @@ def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
     found = propose_law(base_fit(arm, data), data)
     assert found.best is None
     assert found.reason
-    assert "No law is proposed" in str(proposal_document(found).blocks[0])
+    assert "No formula is proposed" in str(proposal_document(found).blocks[0])
 
 
 def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> None:
