@@ -8,8 +8,9 @@ import numpy as np
 
 from lrm_math.arrays import Array
 
-CHI3_MEDIAN = 1.5381724
-"""Median of the chi distribution with three degrees of freedom: of a distance whose axes have a deviation of 1."""
+CHI1_MEDIAN, CHI3_MEDIAN = 0.6744898, 1.5381724
+"""Medians of the chi distribution with one and three degrees of freedom: of a number, and of a distance whose axes have
+a deviation of 1."""
 
 
 @dataclass(frozen=True)

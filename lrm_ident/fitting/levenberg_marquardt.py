@@ -185,6 +185,7 @@ def _fit_of(optimum: Optimum) -> Fit:
             inverse = _marginal_inverse(optimum, shapes, noise)
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
     model = model.with_state(state_after_session(replace(iterate.equilibrium, model=model)))
+    far = OUTLIER_DISTANCE * robust_scale(distance, data.whitening.measured)
     return Fit(
         model=model,
         equilibrium=replace(iterate.equilibrium, model=model),
@@ -194,7 +195,7 @@ def _fit_of(optimum: Optimum) -> Fit:
         sigma=sigma * data.whitening.unit,
         at_bound=tuple(key for key, off in zip(objective.model.free, free, strict=True) if not off),
         weight=objective.weight(iterate),
-        outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),
+        outliers=tuple(np.flatnonzero(distance > far).tolist()),
         steps=optimum.steps,
         loss=objective.loss,
         prior=objective.prior,

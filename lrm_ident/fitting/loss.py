@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lrm_ident.data.error_stats import CHI3_MEDIAN
+from lrm_ident.data.error_stats import CHI1_MEDIAN, CHI3_MEDIAN
 from lrm_math.arrays import Array
 from lrm_math.errors import UnknownName
 
@@ -85,6 +85,9 @@ def loss_named(name: str) -> Loss:
     return by_name[name]
 
 
-def robust_scale(distance: Array) -> float:
-    """Standard deviation per axis from the median of 3-D distances (N,); breakdown point 50 %."""
-    return float(np.median(distance) * (1.0 / CHI3_MEDIAN))
+def robust_scale(distance: Array, measured: Array | float = 3.0) -> float:
+    """Standard deviation per axis from the median of distances (N,); breakdown point 50 %.
+
+    `measured`: (N,), how many numbers each is of, one where only the length of a string was read.
+    """
+    return float(np.median(distance * (1.0 / np.where(np.asarray(measured) == 1.0, CHI1_MEDIAN, CHI3_MEDIAN))))

@@ -27,8 +27,9 @@ class ResidualStructure:
 
     @property
     def significant(self) -> bool:
-        """Whether neighbours or successive poses are significantly alike."""
-        return min(self.p_value, self.order_p_value) < SIGNIFICANCE
+        """Whether neighbours or successive poses are significantly alike; the smaller p value pays for both tests
+        (Bonferroni)."""
+        return 2.0 * min(self.p_value, self.order_p_value) < SIGNIFICANCE
 
 
 def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStructure:

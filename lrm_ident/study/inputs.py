@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.registration.set_up import with_set_up
@@ -13,6 +15,7 @@ from lrm_ident.data.weights.model_error import model_error_words, with_model_err
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, silent
+from lrm_ident.fitting.typical_prior import prior_of_file
 from lrm_ident.study.arguments import path_of, reading_of
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.other_data import model_for_data
@@ -77,7 +80,8 @@ def read_study(
         notices += (f"as in the model's fit: {how}",)
     here, left_out = model_for_data(loaded, measured.path, measured.sha256)
     anchored = with_set_up(here, measured)
-    weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), len(anchored.free))
+    decided = decided_parameters(file, anchored, catalogue)
+    weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), decided)
     return Study(
         anchored,
         weighed,
@@ -88,6 +92,18 @@ def read_study(
         notices=(*notices, *left_out, *model_error_words(weighed)),
         progress=progress,
     )
+
+
+def decided_parameters(file: ModelFile, model: Model, catalogue: Catalogue) -> float:
+    """How many of a model's free parameters the data of its fit decided: of each the share of its prior's variance that
+    they removed (MacKay 1992); a bound decides the others."""
+    prior = prior_of_file(file, model, catalogue)
+    if prior is None:
+        return float(len(model.free))
+    error = np.array([file.sigma.get(key, 0.0) * model.parameter(key).si for key in prior.keys])
+    known = np.isin(prior.keys, model.free)
+    left = np.where(error > 0.0, (error / prior.sd_of(prior.keys)) ** 2, 1.0)[known]
+    return len(model.free) - float(np.minimum(left, 1.0).sum())
 
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tuple[str, ...]]:

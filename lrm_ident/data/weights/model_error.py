@@ -23,8 +23,9 @@ HALVINGS = 60
 WORTH_SAYING = 2.0  # model error over stated noise
 
 
-def with_model_error(data: Measurements, settled: Equilibrium, parameters: int) -> Measurements:
-    """The measurements, weighed as a model with this equilibrium and so many fitted parameters can follow them.
+def with_model_error(data: Measurements, settled: Equilibrium, parameters: float) -> Measurements:
+    """The measurements, weighed as a model with this equilibrium can follow them; `parameters`: how many of its own the
+    data decided.
 
     As they are where positions are alike by their noise, or weighed against orientations, feedback or distances.
     """
@@ -40,7 +41,7 @@ def with_model_error(data: Measurements, settled: Equilibrium, parameters: int) 
     return replace(data, model_sd=additional_sd(residual[near], sd[near], freedom))
 
 
-def additional_sd(residual: Array, sd: Array, freedom: int) -> float:
+def additional_sd(residual: Array, sd: Array, freedom: float) -> float:
     """The standard deviation (m) beside `sd` (N,) with which residuals (N, 3) have `freedom` weighted squares."""
     squared = (residual**2).sum(axis=1)
 

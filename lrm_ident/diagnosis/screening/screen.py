@@ -127,7 +127,7 @@ class Screening:
         if self.ranked:
             squared = np.minimum(squared, self.ranked[0].alone.held_out)
         distance = np.sqrt(squared / self.fit.weight[self.screened])
-        far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
+        far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance, self.subset[1].whitening.measured)
         return tuple(self.data.pose[self.screened[far]].tolist())
 
     def like_noise(self, one: ScoredCandidate) -> bool:

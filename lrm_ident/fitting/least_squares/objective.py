@@ -253,7 +253,9 @@ class Objective:
 
     def _scale(self, iterate: Iterate) -> float:
         """Robust scale of the loss; 1 for least squares, which needs none."""
-        return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)
+        if self.loss.name == "squared":
+            return 1.0
+        return max(robust_scale(iterate.distance, self.data.whitening.measured), MIN_SCALE)
 
 
 def _equal(values: Array, others: Array) -> bool:

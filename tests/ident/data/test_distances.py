@@ -21,7 +21,7 @@ from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_ef
 from lrm_ident.fitting.cross_validation import FOLDS, blocks_of_fit, cross_validated_residual
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.loss import LOSSES, SQUARED, Loss
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.fitting.priors import load_prior
 from lrm_ident.report.priors import PriorComparison
@@ -189,6 +189,16 @@ def test_few_distances_of_an_arm_that_may_turn_about_their_fixed_end_converge(se
     found = fit_model(nominal_model(arm), data, "identifiable", SQUARED).fit
     assert found.steps < 100
     assert len(blocks_of_fit(found, data)) == FOLDS
+
+
+@pytest.mark.parametrize("loss", LOSSES, ids=lambda loss: loss.name)
+def test_no_clean_distance_is_an_outlier_and_robust_losses_keep_the_noise(lab: Arm, loss: Loss) -> None:
+    truth = true_model(lab)
+    free = truth.with_free(["compliance.joint2.k_rad_per_Nm", "compliance.joint3.k_rad_per_Nm"])
+    found = fit(free, measured(truth, 300, 5), loss=loss)
+    assert not found.outliers
+    assert found.weight.mean() > 0.9
+    assert found.sigma == pytest.approx(SD, rel=0.15)
 
 
 def test_trilateration() -> None:

@@ -23,9 +23,13 @@ from lrm_ident.data.weights.model_error import additional_sd, with_model_error
 from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.fitting.typical_prior import TYPICAL
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.inputs import decided_parameters
+from lrm_ident.study.model_history import model_file
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import effects_at
+from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import poses_of
@@ -33,6 +37,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import tool_rotation
+from lrm_math.model.step_name import FIT, StepName
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 from tests.support.sweep import seeds
@@ -304,6 +309,21 @@ def test_additional_variance_of_a_known_sample() -> None:
     assert additional_sd(rng.normal(0, 0.9 * sd[:, None], (4000, 3)), sd, 12000) == 0.0
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_what_a_prior_decides_is_no_error_of_the_model(seed: int) -> None:
+    made = replace(so101_data(24, 30 + seed), attitude=None)
+    rng, arm = np.random.default_rng(seed), load_arm("so101")
+    sd = np.where(rng.random(24) < 0.5, 2e-4, 4e-4)
+    known = fit_model(nominal_model(arm), made, "identifiable", SQUARED).fit
+    tcp = known.equilibrium.tcp + rng.normal(0.0, sd[:, None], (24, 3))
+    found = fit_model(nominal_model(arm), replace(made, tcp=tcp, sd=sd), "identifiable", SQUARED)
+    assert found.fit.effective_parameters < 0.8 * len(found.fit.model.free)
+    assert found.data.model_sd < 1e-4
+    file = model_file(found.fit, found.data, HeldOutResidual(None), "so101", StepName(FIT), prior=TYPICAL)
+    decided = decided_parameters(file, found.fit.model, CATALOGUE)
+    assert decided == pytest.approx(found.fit.effective_parameters, abs=0.1)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -> None:
@@ -318,7 +338,7 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
         errors.append(float(np.sqrt((left**2).sum(axis=1).mean())))
     assert errors[1] <= 1.1 * errors[0], errors
     blind = fit_model(nominal_model(arm), plain, "identifiable", SQUARED).fit
-    assert with_model_error(stated, blind.equilibrium, len(blind.model.free)).model_sd > 2e-4
+    assert with_model_error(stated, blind.equilibrium, blind.effective_parameters).model_sd > 2e-4
 
 
 @pytest.mark.long
