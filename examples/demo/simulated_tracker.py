@@ -44,12 +44,13 @@ BASE_IN_ROOM = TargetPose(
 
 @dataclass(frozen=True, eq=False)
 class BoardState:
-    """State of the board: servo angles (n,) in rad, load (kg), its time (s), power-on session."""
+    """State of the board: servo angles (n,) in rad, load (kg), its time (s), power-on session; has it pulses?"""
 
     q: Array
     payload: float
     t: float
     session: int
+    pulses: bool = True
 
     @classmethod
     def of(cls, board: Path, joints: int) -> BoardState:
@@ -57,16 +58,20 @@ class BoardState:
         servos, status = query_board(board, "joints"), query_board(board, "status")
         q = np.radians([servos[f"joint{i + 1}"]["angle_deg"] for i in range(joints)])  # type: ignore[index]
         numbers = {name: float(str(status[name])) for name in ("payload_g", "t_s", "session")}
-        return cls(q, numbers["payload_g"] * 1e-3, numbers["t_s"], int(numbers["session"]))
+        pulses = any(width is not None for width in status["pulse_us"])  # type: ignore[attr-defined]
+        return cls(q, numbers["payload_g"] * 1e-3, numbers["t_s"], int(numbers["session"]), pulses)
 
     def same(self, other: BoardState | None) -> bool:
         """Whether the arm has not moved and carries the same."""
         return other is not None and self.payload == other.payload and float(np.abs(self.q - other.q).max()) < STILL
 
 
-def true_tip(arm: ArmDescription, truth: GroundTruth, rest: BoardState) -> Array:
-    """(3,), true tip (m) at a rest, in the frame of the arm. No effect of `truth` remembers where the arm was."""
-    schedule = Schedule(np.array([rest.t]), np.array([float(rest.session)]), rest.q)
+def true_tip(arm: ArmDescription, truth: GroundTruth, rest: BoardState, warming_s: float = 0.0) -> Array:
+    """(3,), true tip (m) at a rest, in the frame of the arm, which has power since `warming_s`.
+
+    No effect of `truth` remembers where the arm was.
+    """
+    schedule = Schedule(np.array([warming_s]), np.array([float(rest.session)]), rest.q)
     return np.asarray(true_state(arm, truth, rest.q[None], rest.payload, schedule).tcp_m[0])
 
 
@@ -76,18 +81,22 @@ def in_room(tip: Array) -> TargetPose:
 
 
 def frames(board: Path, arm: ArmDescription, truth: GroundTruth, seed: int) -> Iterator[TrackerFrame]:
-    """One frame after the other, for as long as the board answers. Raises `ControlError` when it does not."""
-    rng = np.random.default_rng([seed, 99])
+    """One frame after the other, by the board's time, for as long as it answers; then raises `ControlError`.
+
+    The arm warms up by the computer's time since its servos have pulses, as the daemon takes it.
+    """
+    rng, cold = np.random.default_rng([seed, 99]), time.monotonic()
     before: BoardState | None = None
     rest: BoardState | None = None
     tip = np.zeros(3)
     for number in count(1):
         seen = BoardState.of(board, len(arm.links))
+        cold = cold if seen.pulses else time.monotonic()
         targets = {BASE: BASE_IN_ROOM}
         if seen.same(before):
             if not seen.same(rest):
                 rest = seen
-                tip = true_tip(arm, truth, rest) + rng.normal(scale=REST_SD_M, size=3)
+                tip = true_tip(arm, truth, rest, time.monotonic() - cold) + rng.normal(scale=REST_SD_M, size=3)
             targets[TOOL] = in_room(tip + rng.normal(scale=FRAME_SD_M, size=3))
         before = seen
         yield TrackerFrame(number, seen.t, targets)

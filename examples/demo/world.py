@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,9 +11,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from lrm_math.errors import LrmError
 from lrmd.client import Rover
 from lrmd.config import Config, load_config
-from lrmd.demo import connected, daemon, free_port
+from lrmd.demo import START_TIMEOUT, connected, daemon, free_port
 from lrmd.sim.launch import simulated_board
 
 ARM, ROBOT = "lrm-lab", "demo"
@@ -79,11 +81,23 @@ def simulated_world(folder: Path, seed: int, tracker: str = TRACKER, speed: floa
         world = World(config.zenoh.listen[0], Path(simulated.link.port), free_port())
         sees = subprocess.Popen([sys.executable, "-m", tracker, str(world.board), str(world.tracker_port), str(seed)])
         try:
+            _await_frame(world.tracker_port)  # it counts the time for which the servos have power
             _arm(rover)
             yield world
         finally:
             sees.terminate()
             sees.wait()
+
+
+def _await_frame(port: int) -> None:
+    """Returns when the tracker sends. Raises `LrmError`."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", port))
+        receiver.settimeout(START_TIMEOUT)
+        try:
+            receiver.recv(1)
+        except TimeoutError:
+            raise LrmError(f"the simulated tracker sent nothing within {START_TIMEOUT:g} s") from None
 
 
 def _arm(rover: Rover) -> None:

@@ -43,8 +43,8 @@ def support_of(explained: float, left: float, evidence: Evidence) -> Support:
     """
     if evidence.describes:
         return Support.DESCRIPTION
-    shown = evidence.replicates and explained > 0.0 and left <= MAX_UNEXPLAINED_RATIO * explained
-    return Support.FINDING if shown else Support.POSSIBLE_CAUSE
+    shown = evidence.replicates and not evidence.elsewhere and explained > 0.0
+    return Support.FINDING if shown and left <= MAX_UNEXPLAINED_RATIO * explained else Support.POSSIBLE_CAUSE
 
 
 def unexplained_ratio(explained: float, left: float) -> float:
@@ -99,7 +99,7 @@ def _above_noise(report: DiagnosisReport, rms: float) -> float:
 def attribution_of(report: DiagnosisReport) -> Support | None:
     """Attribution of the effect that a diagnosis would add; None where it would add none."""
     squares = explained_by_first(report)
-    if squares is None or not report.verdict.adds:
+    if report.first is None or squares is None or not report.verdict.adds:
         return None
-    describes = report.verdict == Verdict.EFFECT_DESCRIBES
-    return support_of(*squares, Evidence(describes=describes, replicates=report.replicates))
+    describes, elsewhere = report.verdict == Verdict.EFFECT_DESCRIBES, report.first.name in report.elsewhere
+    return support_of(*squares, Evidence(describes=describes, replicates=report.replicates, elsewhere=elsewhere))

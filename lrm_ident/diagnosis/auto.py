@@ -73,9 +73,14 @@ class AutoRun(ShownInNotebook):
     @property
     def attributions(self) -> tuple[StepAttribution, ...]:
         """Attributions of the steps after the start: whether each shows a cause (mean squares in m²)."""
-        present = {effect.name for effect in self.model.effects}
+        present, elsewhere = {effect.name for effect in self.model.effects}, self.report.elsewhere
         evidence = [
-            replace(step.evidence, of_present=bool(present & {*step.evidence.refines})) for step in self.steps[1:]
+            replace(
+                step.evidence,
+                of_present=bool(present & {*step.evidence.refines}),
+                elsewhere=step.added in elsewhere,
+            )
+            for step in self.steps[1:]
         ]
         steps = list(zip(self.explained, evidence, strict=True))
         return attribute_steps(steps, unexplained_mean_square(self.report))

@@ -20,7 +20,7 @@ def can_be_contradicted(effect: Effect, q: Array) -> bool:
     Any function of the angle fits as well where the joint stood at no more levels than the offset and the effect's
     parameters; and a function of another joint's angle, where the two joints moved together. Other effects: always.
     """
-    joint = _followed(effect)
+    joint = followed_joint(effect)
     if joint is None:
         return True
     fitted = sum(parameter.fixed is None for parameter in effect.parameters)
@@ -42,7 +42,7 @@ def levels_of_its_own(q: Array, joint: int) -> int:
     return min(counts.levels(column) for column in range(len(left)))
 
 
-def _followed(effect: Effect) -> int | None:
+def followed_joint(effect: Effect) -> int | None:
     """Number from 0 of the joint whose angle a formula follows; None for what follows several, or no angle."""
     if isinstance(effect, AngleDependentEffect):
         return effect.joint

@@ -116,15 +116,15 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict of the screening. Structure counts if it is significant and the error exceeds the noise floor by
-        `FLOOR_RATIO`, or, where that is unknown, neighbours are alike by `MORAN_THRESHOLD`."""
+        """Verdict of the screening. Structure counts if it is significant and the error exceeds the noise floor, surely
+        or by `FLOOR_RATIO`, or, where that is unknown, neighbours are alike by `MORAN_THRESHOLD`."""
         if self.supported:
             return Verdict.EFFECT_MISSING
         if self.unexplained.functions:
             return Verdict.UNEXPLAINED_STRUCTURE
         structure, floor = self.structure, self.floor.sd
-        matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
-        if structure.significant and matters:
+        larger = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
+        if structure.significant and (larger or self.above_floor):
             return Verdict.UNEXPLAINED_STRUCTURE
         if floor is None:
             return Verdict.NOISE_UNKNOWN
@@ -174,10 +174,8 @@ class Diagnosis:
 
     @property
     def above_floor(self) -> bool:
-        """Whether the residual exceeds a known noise floor significantly, and by more than that may be misstated."""
-        floor = self.floor.sd
-        larger = floor is not None and self.fit.sigma > FLOOR_RATIO * floor
-        return larger and self.screening.lack_of_fit_p_value < NOT_NOISE
+        """Whether the residual exceeds a known noise floor surely (`NOT_NOISE`), by however little."""
+        return self.screening.lack_of_fit_p_value < NOT_NOISE
 
 
 def diagnose(

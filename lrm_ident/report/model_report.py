@@ -154,7 +154,11 @@ class ModelReport:
         if self.diagnosis is None or story is None or not story.held_out:
             return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if one.describes else None for one in known)
         little = [takes_little(fall.rms_mm, fall.before_rms_mm, floor) for fall in story.later]
-        known = [replace(one, describes=one.describes or so) for one, so in zip(known, little, strict=True)]
+        elsewhere = cast(tuple[str, ...], self.diagnosis.values["acts_elsewhere"])
+        known = [
+            replace(one.evidence, describes=one.evidence.describes or so, elsewhere=one.name in elsewhere)
+            for one, so in zip(self.cards, little, strict=True)
+        ]
         steps = [(fall.explained, one) for fall, one in zip(story.later, known, strict=True)]
         return attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"])))
 

@@ -54,6 +54,7 @@ FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1
 """Residual over the noise floor, and where that is unknown Moran's I of neighbours, above which structure matters: by
 so much a stated noise may be wrong, and so little is seldom worth a search."""
 NOT_NOISE = 1e-3
-"""p value of the lack-of-fit test below which the residual exceeds a known floor: a tenth of `SIGNIFICANCE`."""
+"""p value of the lack-of-fit test below which the residual exceeds a known floor, by however little: a tenth of
+`SIGNIFICANCE`. Of the verdict *nothing is missing* it is the level."""
 MIN_REGIME_RATIO = 1.5
 """RMS inside a regime over RMS outside that is worth saying: a convention."""

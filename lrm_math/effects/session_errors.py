@@ -36,6 +36,8 @@ RIGID = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "
 TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
 RESET = "reset_s_per_s"
+SAME_S = 1e-6
+"""s: times that differ by less are the same."""
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
 """Knots are as far apart as `SPACING` times `FAST_S` and the time passed; the last at `LONGEST_S`."""
 _COUNT = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)
@@ -116,14 +118,15 @@ class Drift(_SessionError):
 
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
         """The time constant; of several sessions, whether it was cold again when each began."""
-        once = poses.t is None or poses.running is None or np.ptp(poses.t - poses.running) == 0.0
+        once = poses.t is None or poses.running is None or np.ptp(poses.t - poses.running) < SAME_S
         return {name: scan for name, scan in super().shapes_to_try(poses).items() if not (once and name == RESET)}
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """A (1 − exp(−t/T)) + c (temperature − first temperature); t since the start, or since the session began."""
+        """A (1 − exp(−t/T)) + c (temperature − first temperature); t since the start, of joints since they got power,
+        or since the session began."""
         n = len(self.targets)
         *_, constant, reset = p
-        clock = poses.clock
+        clock = poses.powered if poses.powered is not None and warms_with_the_arm(self) else poses.clock
         if clock is not None and poses.running is not None and reset:
             clock = (1.0 - reset) * clock + reset * poses.running
         warm = 0.0 if clock is None else 1.0 - np.exp(-clock / constant)

@@ -27,9 +27,11 @@ class Poses:
         number: (N,), number of each pose in error messages, or None: 1 … N.
         friction: (N, n, K), states (−1 … 1) of elements of dry friction that the moves so far have turned over, see
             `lrm_math.kinematics.motion`, or None if the moves are unknown.
-        running: (N,), time since the first pose of the session (s), or None.
-        warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
-            the order of their numbers. Both follow from all the poses first given, and stay with each of them.
+        running: (N,), time since the servos got power in the session (s), where that is not known since its first
+            pose, or None.
+        powered: (N,), time since they first got power (s); None where that is not known.
+        warmed: (N,), K, temperature less that of then, or of the first pose. power_cycle: (N,), number of the session
+            from 0, in the order of their numbers. Both follow from all the poses first given, and stay with each.
         gravity: (N, 3), unit vectors of gravity's direction in the frame of measurement; None: as the arm file says.
         history: what the arm was sent to before each of them, and when, see `lrm_math.kinematics.history`; or None.
         placement: (N,), number from 1 of where what is touched stands, see `TouchedPoint`; None: nothing is touched.
@@ -45,6 +47,7 @@ class Poses:
     number: NDArray[np.int64] | None = None
     friction: Array | None = None
     running: Array | None = None
+    powered: Array | None = None
     warmed: Array | None = None
     power_cycle: NDArray[np.int64] | None = None
     gravity: Array | None = None

@@ -203,11 +203,12 @@ class StatePublisher:
         return FaultsState(**self._header("state/faults"), faults=list(self._controller.faults.values()))
 
     def _thermal(self) -> ThermalState:
-        thermal = self._controller.thermal
+        thermal, power = self._controller.thermal, self._controller.motion_record
         return ThermalState(
             **self._header("state/thermal"), names=list(self._config.names), temperature_c=list(thermal.temperature),
             tau_nm=list(thermal.tau), level=[thermal.model.level(T).name.lower() for T in thermal.temperature],
             hot_in_s=[None if math.isinf(s) else s for s in thermal.time_to_hot],
+            powered_s=power.powered_s, powered_at_c=power.powered_at_c,
         )  # fmt: skip
 
     def _gravity(self) -> GravityState:

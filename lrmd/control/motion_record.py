@@ -22,7 +22,8 @@ from lrmd.ramp.shared_memory import FRICTION_ELEMENTS, ArmKnowledge, RampReport
 
 
 class MotionRecord:
-    """`motion`: of the joints. `powered`: since when they have pulses (monotonic ns), None without."""
+    """`motion`: of the joints. `powered`: since when they have pulses (monotonic ns), None without; `powered_at_c`:
+    temperature of the hottest servo then."""
 
     def __init__(self, config: Config, stored: StoredState | None, now: int, wall: int) -> None:
         self._config = config
@@ -31,7 +32,7 @@ class MotionRecord:
         self._outputs = 0
         self.motion = Motion.at([0.0] * config.dof)
         self.powered: int | None = None
-        self._began: float | None = None
+        self.powered_at_c: float | None = None
         self._temperature: float | None = None
         self._now = now
         self._left: tuple[int, float] | None = None
@@ -74,10 +75,10 @@ class MotionRecord:
 
     def _power(self, on: int, report: RampReport, hottest: float, now: int) -> None:
         if not on:
-            self.powered = self._began = None
+            self.powered = self.powered_at_c = None
         elif self.powered is None:
             taken_over = self._left if report.board_outputs & on == on else None
-            self.powered, self._began = taken_over or (now, hottest)
+            self.powered, self.powered_at_c = taken_over or (now, hottest)
         if on:
             self._left = None
 
@@ -101,8 +102,13 @@ class MotionRecord:
             for name, side, friction in zip(self._config.names, self.motion.side, self.motion.friction, strict=False)
             if side
         }
-        powered = 0.0 if self.powered is None else (self._now - self.powered) / SECOND
-        return state.model_copy(update={"arrival": arrivals, "powered_s": powered, "powered_at_c": self._began or 0.0})
+        powered = {"powered_s": self.powered_s or 0.0, "powered_at_c": self.powered_at_c or 0.0}
+        return state.model_copy(update={"arrival": arrivals, **powered})
+
+    @property
+    def powered_s(self) -> float | None:
+        """Time for which the joints have had pulses (s); None without."""
+        return None if self.powered is None else (self._now - self.powered) / SECOND
 
     @property
     def knowledge(self) -> ArmKnowledge:
@@ -113,7 +119,7 @@ class MotionRecord:
         return ArmKnowledge(
             joints=len(m.q), q=tuple(m.q.tolist()), side=tuple(m.side.tolist()),
             friction=tuple(m.friction.ravel().tolist()), powered=self.powered or 0,
-            temperature=self._temperature or 0.0, warmed=(self._temperature or 0.0) - (self._began or 0.0),
+            temperature=self._temperature or 0.0, warmed=(self._temperature or 0.0) - (self.powered_at_c or 0.0),
         )  # fmt: skip
 
 

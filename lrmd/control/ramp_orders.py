@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from lrm_math.collision.contact import Contact
 from lrmd.config import Config, ServoConfig
 from lrmd.errors import RequestError
-from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, IMPULSES, WAITS, RampOrder
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, IMPULSES, NONE, WAITS, RampOrder
 from lrmd.ramp.stepping import Impulses, Move, Pace, Waits, Way, move
 
 Pulses = tuple[int, ...]
@@ -134,16 +134,19 @@ class OrderScheduler:
             outputs=self.newest.outputs if outputs is None else outputs, after=self.newest.number, branch_at=branch_at,
         )  # fmt: skip
 
-    def stop(self, now: int, outputs: int | None = None) -> None:
-        """Orders the servos to stay where they are, with pulses for `outputs` (bits; None: as before)."""
+    def stop(self, now: int, outputs: int | None = None, pose: Pulses = NONE) -> None:
+        """Orders the servos to stay where they are, with pulses for `outputs` (bits; None: as before).
+
+        `pose`: first pulses (ns) of those that it switches on. Without one the ramp refuses to switch any on.
+        """
         self.clear()
         self._shape((), ())
+        self.newest = replace(self.newest, pose=pose)
         self.issue(now, outputs)
 
     def arm(self, pose: Pulses, outputs: int, one_by_one: Sequence[int], now: int) -> None:
         """Orders `outputs` (bits) on at their pulses (ns) in `pose`; the servos of `one_by_one` follow, staggered."""
-        self.newest = replace(self.newest, pose=pose)
-        self.stop(now, outputs)
+        self.stop(now, outputs, pose)
         self.arming.extend(one_by_one)
         self._next_on = now
 
@@ -175,7 +178,7 @@ class OrderScheduler:
         self.goal = leg.target
         self.way = departure.way.branch(departure.remaining, leg.move(departure.start))
         self._shape(leg.impulses, leg.waits)
-        self.newest = replace(self.newest, stride=leg.stride, pace=leg.pace)
+        self.newest = replace(self.newest, stride=leg.stride, pace=leg.pace, pose=NONE)
         self.issue(now, branch_at=departure.remaining)
 
     def _shape(self, impulses: Impulses, waits: Waits) -> None:
@@ -187,9 +190,12 @@ class OrderScheduler:
         self.newest = replace(self.newest, heartbeat=now)
 
     def acknowledge_fault(self, fault_count: int) -> None:
-        """Drops all orders made before the ramp's fault number `fault_count`; later orders carry that number."""
+        """Drops all orders made before the ramp's fault number `fault_count`; later orders carry that number.
+
+        The newest one, which the ramp may not have read yet, moves nothing and switches nothing on any more.
+        """
         self.clear()
-        self.newest = replace(self.newest, fault_count=fault_count)
+        self.newest = replace(self.newest, fault_count=fault_count, target=self.goal, pose=NONE)
 
     def keep_outputs(self, outputs: int) -> None:
         """Later orders keep these outputs (bits) on."""

@@ -166,6 +166,9 @@ def _seconds(s: ControllerState, legs: Sequence[Leg], departure: Departure) -> f
 
 def _relax(s: ControllerState, request: RelaxRequest, now: int) -> RequestResult:
     names = s.config.names if request.servos is None else request.servos
+    if request.servos is not None and s.report.board_outputs & ~s.report.outputs:
+        text = "the board is still pulsing others too; take its pose over with rpc/arm, where = 'board', or relax all"
+        raise RequestError("still_pulsing", text)
     remaining = s.report.outputs & ~sum({1 << s.config.index(name) for name in names})
     if remaining and s.mode not in LIVE:
         raise InvalidTransition(s.mode, Trigger.HOLD, s.why)
@@ -189,7 +192,8 @@ def _reset(s: ControllerState, _: ResetRequest, now: int) -> RequestResult:
         raise RequestError("busy", "the pulses are still being stopped", retryable=True)
     s.transition(Trigger.RESET_OUTPUTS_ON if s.report.outputs else Trigger.RESET_OUTPUTS_OFF, "reset_fault", now)
     s.faults.clear()
-    s.orders.stop(now, s.report.outputs)
+    if s.report.outputs:  # else there may be pulses that another ramp left: an order of none would let the arm fall
+        s.orders.stop(now, s.report.outputs)
     return RequestResult()
 
 

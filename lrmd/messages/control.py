@@ -247,13 +247,18 @@ class FaultsState(Header):
 
 
 class ThermalState(Header):
-    """`state/thermal`, 1 Hz, per servo; `hot_in_s`: time until it is hot under constant torque, None: never."""
+    """`state/thermal`, 1 Hz, per servo; `hot_in_s`: time until it is hot under constant torque, None: never.
+
+    `powered_s`: for how long the joints have had pulses, None without; `powered_at_c`: the hottest temperature then.
+    """
 
     names: list[str]
     temperature_c: list[float]
     tau_nm: list[float]
     level: list[str]
     hot_in_s: list[float | None]
+    powered_s: float | None = None
+    powered_at_c: float | None = None
 
 
 class GravityState(Header):

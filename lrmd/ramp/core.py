@@ -216,6 +216,12 @@ class RampCore:
         )
         self._pulses_changed = self._pulses_changed or bool(self.outputs)
         self._pulses_confirmed = not self._pulses_changed
+        self._end_others()
+
+    def _end_others(self) -> None:
+        """A frame with our pulses ends those that the board has besides: what was read of them is no pose any more."""
+        if self.outputs:
+            self.board_outputs &= self.outputs
 
     # ---- orders from the API process
 
@@ -251,6 +257,7 @@ class RampCore:
                 return
         self._pulses_changed = True
         self.outputs = order.outputs
+        self._end_others()
         self.position = tuple(start[i] if fresh >> i & 1 else self.position[i] for i in range(n))
         stride = tuple(max(1, s) for s in order.stride[:n])
         onward = move(start, target, stride, order.pace, order.impulses, order.waits)

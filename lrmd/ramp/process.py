@@ -87,19 +87,31 @@ def run(setup: RampSetup) -> None:
     die_with_parent(signal.SIGTERM)
     realtime = request_realtime(setup.priority)
     shared = SharedRecords(setup.memory.number)
-    core = RampCore(setup.board, shared.read_report())
+    earlier = last_report(shared)
+    core = RampCore(setup.board, earlier)
     gc.collect()
     gc.freeze()
     gc.disable()
     with contextlib.suppress(KeyboardInterrupt):
-        _loop(setup, shared, core, realtime)
+        _loop(setup, shared, core, earlier, realtime)
 
 
-def _loop(setup: RampSetup, shared: SharedRecords, core: RampCore, realtime: bool) -> None:
+def last_report(shared: SharedRecords) -> RampReport:
+    """The last report of the ramp before, if there was one.
+
+    One that was killed while it wrote left no report that can be read. The newest order says how many faults the API
+    process knows of: that it is over is to be one more.
+    """
+    report, order = shared.read_report(), shared.read_order()
+    if report is None and order is not None:
+        return RampReport(order=order.number, fault_count=order.fault_count, starts=min(order.fault_count, 1))
+    return report or RampReport()
+
+
+def _loop(setup: RampSetup, shared: SharedRecords, core: RampCore, earlier: RampReport, realtime: bool) -> None:
     stopped = _stop_flag()
     clock, port = MonotonicClock(setup.speed), SerialPort(setup.port, setup.baud)
     real = MonotonicClock()
-    earlier = shared.read_report() or RampReport()
     tick, skipped, max_late_ns, starts = earlier.tick, earlier.skipped, earlier.max_late_ns, earlier.starts + 1
     if port.open():
         core.opened(clock.now())

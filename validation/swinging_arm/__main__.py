@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.measuring.campaign.data_file import DataFile
+from lrm_ident.measuring.campaign.data_file import DataFile, PowerOn
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, PredictedSettling
 from lrm_ident.measuring.tracker.frames import TargetNumbers
@@ -56,7 +56,7 @@ def measured(rover: SwingingRover, plan: list[PlannedPose], timing: PoseTiming) 
     begun, file = rover.now(), DataFile(path, rover.arm.dof)
     file.check_plan("plan")
     with file:
-        file.begin("power", "lrm-rover", "simulated", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=rover.now())
+        file.begin(PowerOn("power"), rover.now(), "lrm-rover", "simulated", start_q_deg=[0.0] * 6, poses_sha256="plan")
         campaign = PoseCampaign(rover, rover, TargetNumbers(1, None), rover, timing, plan[0], lambda _: None)
         campaign.run(plan, file)
     seconds, data = rover.now() - begun, load_measurements(path, rover.arm)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from lrm_ident.data.measurement_file.approach_path import states_from_beside
 from lrm_ident.data.measurement_file.conventions import motion_of
 from lrm_ident.data.measurement_file.known_columns import DOWN, TILT
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_error
+from lrm_ident.data.measurement_file.power_ons import PowerOnTime, powered, running, warmed
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
@@ -28,13 +29,19 @@ SLOW_PACE_H = 1.0
 
 
 def read_poses(
-    table: NumberTable, arm: Arm, how: Reading, start: Array | None = None, beside: float | None = None
+    table: NumberTable,
+    arm: Arm,
+    how: Reading,
+    start: Array | None = None,
+    beside: float | None = None,
+    power: Sequence[PowerOnTime] = (),
 ) -> Poses:
     """The poses of a table; gravity in the frame of its positions.
 
     Args:
         start: (n,), joint angles before the first one (rad).
         beside: how far (rad) from it the arm was sent before each pose; None where that is not known.
+        power: when the servos got power.
 
     Raises `FileError`: gravity is stated twice, or points up.
     """
@@ -64,7 +71,9 @@ def read_poses(
         friction=friction,
         gravity=down,
         history=history_of(q, load, t, session, number, down, start, table.column("hold")),
-        running=None if t is None else _running(t, none if session is None else session),
+        running=None if t is None else running(power, t, np.ones(len(t)) if session is None else session),
+        powered=None if t is None else powered(power, t),
+        warmed=warmed(power, table.column("temperature")),
         sha256=table.cells.sha256,
     )
 
@@ -136,14 +145,6 @@ def perhaps_radians(q: Array, how: Reading) -> tuple[str, ...]:
 def pose_words(numbers: NDArray[np.int64]) -> str:
     """The first of some poses, by number, and how many more there are."""
     return f"pose {enumerate_words([str(number) for number in numbers.tolist()], LISTED)}"
-
-
-def _running(t: Array, session: Array) -> Array:
-    """(N,), time since the first pose of the session (s)."""
-    _, number = np.unique(session, return_inverse=True)
-    first = np.full(int(number.max()) + 1, np.inf)
-    np.minimum.at(first, number, t)
-    return np.asarray(t - first[number])
 
 
 def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:

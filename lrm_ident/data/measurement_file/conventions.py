@@ -15,6 +15,7 @@ from pydantic import Field, FiniteFloat
 from lrm_ident.data.atomic_write import is_something_else
 from lrm_ident.data.measurement_file.dataset_card import DatasetCard
 from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
+from lrm_ident.data.measurement_file.power_ons import PowerOnTime
 from lrm_ident.data.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import MM, load_arm, shipped_arms
@@ -39,7 +40,8 @@ class Metadata(Reading):
     `distance_sd_mm`: their standard deviation. `points`: places of touched points on their board (mm), by name;
     `distances`: measured distances between them (mm), by both names; without `points` those between all.
     `poses_sha256`, `t0_s`: of a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of
-    each `session` from 1; `servos`: their settings, by joint. `card`: for others who use the data.
+    each `session` from 1, `power_on`: when its servos got power. `servos`: their settings, by joint. `card`: for others
+    who use the data.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -56,6 +58,7 @@ class Metadata(Reading):
     poses_sha256: str | None = None
     t0_s: float | None = None
     power_ons: list[str] = []
+    power_on: list[PowerOnTime] = []
     servos: ServoSettings | None = None
     card: DatasetCard | None = None
 

@@ -59,7 +59,8 @@ def read_measured(
     require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
-    poses, noise_sd = read_poses(table, arm, said.how, said.start, said.metadata.beside), said.metadata.noise_sd_mm
+    beside, power, noise_sd = said.metadata.beside, said.metadata.power_on, said.metadata.noise_sd_mm
+    poses = read_poses(table, arm, said.how, said.start, beside, power)
     data = Measurements(
         poses=poses,
         pose=table.integers("pose"),
@@ -114,7 +115,7 @@ def load_pose_table(
     table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
     for _, error in table.beyond:
         raise error
-    return read_poses(table, arm, how, said.start).turned(motion_of(how)[0]), table
+    return read_poses(table, arm, how, said.start, power=said.metadata.power_on).turned(motion_of(how)[0]), table
 
 
 def says_measured(path: Path) -> bool:

@@ -46,6 +46,19 @@ class ArmState:
     session: int
 
 
+@dataclass(frozen=True)
+class PowerOn:
+    """Power-on session of the servos.
+
+    `name`: another whenever they were switched on anew. `ago`: since when they have power (s). `temperature`: of the
+    hottest then (degC). None where that is not known.
+    """
+
+    name: str
+    ago: float | None = None
+    temperature: float | None = None
+
+
 class DataFile:
     """`NAME.csv` with its metadata `NAME.toml`, open for more rows. `done`: numbers of the poses it has, in order."""
 
@@ -99,26 +112,31 @@ class DataFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def begin(self, power_on: str, arm: str, source: str, **known: object) -> int:
+    def begin(self, power_on: PowerOn, t: float, arm: str, source: str, **known: object) -> int:
         """Writes the metadata, of those that there are already the power-on session only; then an empty file's header.
 
-        `power_on`: name of the servos' power-on session, another whenever they were switched on anew; the others as of
-        `metadata_toml`. Returns the session of the next rows: the last row's, or the next one if they were.
+        `t`: the tracker's time now (s), which is that of t_s = 0 in a new file; the others as of `metadata_toml`.
+        Returns the session of the next rows: the last row's, or the next one if the servos were switched on anew.
         """
         if self.head is None:
-            self._write_metadata(metadata_toml(arm, source, **known, power_ons=[power_on]))
+            self._write_metadata(metadata_toml(arm, source, t0_s=t, **known))
         if not self.path.stat().st_size:
             self._write(",".join(self._columns()))
-        return self._open_session(power_on)
+        return self._open_session(power_on, t)
 
-    def _open_session(self, power_on: str) -> int:
+    def _open_session(self, power_on: PowerOn, t: float) -> int:
         assert self.head is not None
-        known = [*self.head.power_ons, *[""] * self.last_session]
-        session = self.last_session + (bool(self.done) and known[self.last_session - 1] != power_on)
-        names = [*known[: session - 1], power_on]
+        before = [*self.head.power_ons, *[""] * self.last_session]
+        session = self.last_session + (bool(self.done) and before[self.last_session - 1] != power_on.name)
+        names = [*before[: session - 1], power_on.name]
         if names != self.head.power_ons:
             content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True)
-            self._write_metadata(tomli_w.dumps(content | {"power_ons": names}))
+            known = [one for one in content["power_on"] if one["session"] < session]
+            if power_on.ago is not None:
+                now = after_midnight(t - (self.head.t0_s or 0.0), self._last_t)
+                begun = {"session": session, "t_s": round(now - power_on.ago, 3), "temp_c": power_on.temperature}
+                known.append({key: value for key, value in begun.items() if value is not None})
+            self._write_metadata(tomli_w.dumps(content | {"power_ons": names, "power_on": known}))
         return session
 
     def _write_metadata(self, text: str) -> None:

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
-from lrm_ident.measuring.campaign.data_file import DataFile
+from lrm_ident.measuring.campaign.data_file import DataFile, PowerOn
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
@@ -66,7 +66,7 @@ class RealClock:
 class DrivenArm:
     """An arm that is ready to be driven. `robot`: its name. `start`: commanded angles (rad).
 
-    `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
+    `power_on`: gives the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
     with the model of a file, or of the arm as drawn.
     `approach`: how far (rad) beside a pose it stands before it comes straight from there, None where it may go round.
     `settings`: of its servos, None where they have none.
@@ -75,7 +75,7 @@ class DrivenArm:
     arm: CampaignArm
     robot: str
     start: tuple[float, ...]
-    power_on: str
+    power_on: Callable[[], PowerOn]
     solver: Callable[[Path | None], GoalSolver]
     approach: float | None = None
     settings: ServoSettings | None = None
@@ -126,13 +126,12 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
             "start_q_deg": start,
             "approach_deg": beside,
             "poses_sha256": plan.sha256,
-            "t0_s": first.t,
         }
         if file.head is not None and file.done and not order.accept:
             require_same_settings(driven.settings, file.head.servos, str(file.metadata), "--accept the mixture")
         settings = {joint: one.model_dump(exclude_none=True) for joint, one in (driven.settings or {}).items()}
         about["servos"] = settings or None
-        driven.arm.session = file.begin(driven.power_on, order.arm_name, source, **about)
+        driven.arm.session = file.begin(driven.power_on(), first.t, order.arm_name, source, **about)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
@@ -148,7 +147,7 @@ def by_daemon(rover: Rover, arm: Arm, take: bool, client: str, clock: Clock, loa
         if len(driven.names) != arm.dof:
             raise LrmError(f"{arm.name} has {arm.dof} joints, {driven.info.robot} has {len(driven.names)}")
         solver = DaemonSolver.of(rover)
-        yield DrivenArm(driven, driven.info.robot, driven.commanded(), power_on(rover), lambda _: solver)
+        yield DrivenArm(driven, driven.info.robot, driven.commanded(), partial(power_on, rover), lambda _: solver)
 
 
 @contextmanager
@@ -167,9 +166,9 @@ def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, lo
             servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
         held.enter_context(torque_named(servos))
         driven = ServoArm(servos, arm, clock, loads, speed)
-        session = f"{text.partition(':')[0]}-{time.time_ns()}"
+        session = PowerOn(f"{text.partition(':')[0]}-{time.time_ns()}")
         solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
-        yield DrivenArm(driven, text, driven.seen(), session, solver, APPROACH, driven.settings())
+        yield DrivenArm(driven, text, driven.seen(), lambda: session, solver, APPROACH, driven.settings())
 
 
 @contextmanager
@@ -207,11 +206,12 @@ def connected(rover: Rover | None, tracker: str, numbers: TargetNumbers) -> Open
     return ZenohTracker(rover, rest) if kind == "zenoh" and rest and rover else open_tracker(tracker, numbers)
 
 
-def power_on(rover: Rover) -> str:
-    """Name of the servos' present power-on session: the daemon's boot id, and the event in which they were last off."""
+def power_on(rover: Rover) -> PowerOn:
+    """The servos' present power-on session, named by the daemon's boot id and the event in which they were last off."""
     modes = [event for event in rover.events() if event.code == "mode"]
     off = [event.seq for event in modes if SERVOS_OFF & {str(event.detail.get(key)) for key in ("before", "mode")}]
-    return f"{rover.boot_id}-{max(off, default=0)}"
+    heat = rover.thermal()
+    return PowerOn(f"{rover.boot_id}-{max(off, default=0)}", heat.powered_s, heat.powered_at_c)
 
 
 class ZenohTracker(AbstractContextManager["ZenohTracker"]):

@@ -42,6 +42,7 @@ STOPGAP = "or, without new poses"
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
+ELSEWHERE = "what it follows also moves the arm elsewhere, so the cause may be another"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
@@ -284,6 +285,8 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         if not report.replicates:
             return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
+        if first.name in report.elsewhere:
+            return f"only a candidate cause: {ELSEWHERE}.{rivals}"
         if explained <= 0.0:
             return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"
         return (
@@ -405,3 +408,5 @@ def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[
         yield NextStep(report.hint, f"lrm-ident propose {model} {data} -o law.py")
     else:
         yield NextStep(report.hint)
+    if report.verdict == Verdict.UNPREDICTABLE:
+        yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=STOPGAP)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
-SHOWN = 8
+SHOWN, ALSO = 8, ", acts elsewhere too"
 TRACKERS_SCALE = "tracker's scale"
 STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
@@ -237,16 +237,19 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     for step in named("indistinguishable cause"):
         others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
+    elsewhere = course.report.elsewhere
     ratios = [
-        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f})"
+        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in elsewhere else ''})"
         for step, one, explained in steps
         if one.kind == Support.POSSIBLE_CAUSE
     ]
     if ratios:
+        candidates = enumerate_words(ratios, len(ratios))
+        or_elsewhere = ", or if it acts elsewhere," if ALSO in candidates else ""
         yield (
-            f"Candidate causes: {enumerate_words(ratios, len(ratios))}. In brackets: the squared error that stays "
-            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f} another cause may "
-            "stand behind it."
+            f"Candidate causes: {candidates}. In brackets: the squared error that stays "
+            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_elsewhere} "
+            "another cause may stand behind it."
         )
     if terms := named("empirical term"):
         listed = enumerate_words([step.added for step in terms], len(terms))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
 
@@ -10,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrmd.api.children import board_settings
 from lrmd.config import Config
-from lrmd.control.state_machine import InvalidTransition
+from lrmd.control.state_machine import InvalidTransition, Mode
 from lrmd.errors import RequestError
 from lrmd.messages.control import (
     ArmRequest,
@@ -21,7 +23,11 @@ from lrmd.messages.control import (
     MotionRequest,
     MoveRequest,
     RelaxRequest,
+    ResetRequest,
 )
+from lrmd.ramp.core import RampCore
+from lrmd.ramp.process import last_report
+from lrmd.ramp.shared_memory import CHECK, RampFault, SharedRecords
 from tests.support.daemon.armed_daemon import ArmedDaemon, take
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 
@@ -102,3 +108,86 @@ def test_a_hold_that_the_mode_refuses_counts_as_well(config: Config) -> None:
     with pytest.raises(RequestError, match="stopped since"):
         sim.core.handle(ORDERS["arm"](token, before), sim.now)
     sim.core.handle(ORDERS["arm"](token, before + 1), sim.now)
+
+
+def test_an_order_that_the_ramp_reads_after_its_fault_moves_nothing(armed: ArmedDaemon) -> None:
+    """The fault comes between the report that a request was answered by and the tick that reads its order."""
+    sim = deepcopy(armed)
+    sim.core.observe(sim.report, sim.now)
+    sim.ramp._freeze(RampFault.REFUSED)
+    sim.report = sim._report()
+    sim.core.handle(MoveRequest(lease=sim.token, stops=sim.core.stops, waypoints=[{"joint1": 1.0}]), sim.now)
+    pulses = sim._pulses()
+    sim.cycle()
+    sim.run(30)
+    assert sim.core.mode is Mode.FAULT
+    assert (sim._pulses(), sim.ramp.moving) == (pulses, False)
+
+
+def killed_while_it_reports(sim: SimulatedDaemon) -> RampCore:
+    """The next ramp process, after one that was killed in the middle of writing its report."""
+    shared = SharedRecords.create()
+    shared.write_order(sim.core.order)
+    shared.write_report(sim.report)
+    shared.values.report[CHECK] ^= 0xFF
+    return RampCore(board_settings(sim.config), last_report(shared))
+
+
+def test_a_ramp_killed_while_it_reports_is_a_fault_and_no_servo_goes_back_to_where_it_was_armed(
+    armed: ArmedDaemon,
+) -> None:
+    """Nor does one lose its pulses, by a hold, a reset, or the release of another: the board's are taken over."""
+    sim = deepcopy(armed)
+    sim.go([0.5] + [0.0] * 5)
+    sim.ramp, sim.held_out = killed_while_it_reports(sim), b""
+    pulses = sim._pulses()
+    sim.keep(40)
+    assert sim.core.mode is Mode.FAULT
+    with suppress(InvalidTransition):
+        STOPS["hold"](sim, sim.token)
+    sim.keep(10)
+    with pytest.raises(RequestError, match="still pulsing"):
+        STOPS["relax one"](sim, sim.token)
+    sim.core.handle(ResetRequest(lease=sim.token), sim.now)
+    sim.keep(10)
+    assert sim.core.mode is Mode.DISARMED
+    sim.arm("board")
+    assert sim._pulses() == pulses
+
+
+def test_an_order_that_is_not_to_arm_switches_nothing_on(armed: ArmedDaemon) -> None:
+    """Whatever the two processes believe of each other: only the order of an arming has first pulses."""
+    sim = deepcopy(armed)
+    sim.go([0.5] + [0.0] * 5)
+    sim.ramp.outputs = 0
+    pulses = sim.ramp.position
+    sim.core.handle(HoldRequest(), sim.now)
+    sim.run(6)
+    assert (sim.ramp.outputs, sim.ramp.position, sim.ramp.fault) == (0, pulses, RampFault.REFUSED)
+
+
+@pytest.mark.parametrize("interrupted", ["the ramp restarts", "the cable is pulled"])
+def test_a_servo_that_was_released_is_not_switched_on_where_the_board_once_had_it(
+    armed: ArmedDaemon, interrupted: str
+) -> None:
+    """What was read from the board when the link came back is not true any more after a move."""
+    sim = deepcopy(armed)
+    if interrupted == "the ramp restarts":
+        sim.restart_ramp()
+    else:
+        sim.unplugged = 80
+    sim.keep(150)
+    if sim.core.mode is Mode.FAULT:
+        sim.core.handle(ResetRequest(lease=sim.token), sim.now)
+    sim.go([0.0] * 5 + [0.5])
+    STOPS["relax one"](sim, sim.token)
+    sim.settle()
+    for _ in range(6):
+        with suppress(RequestError):
+            sim.core.handle(ArmRequest(lease=sim.token, where="board"), sim.now)
+        sim.keep(1)
+    sim.keep(30)
+    assert sim._pulses()[5] is None
+    sim.core.handle(ArmRequest(lease=sim.token, where="given", q_rad={"joint6": 0.5}), sim.now)
+    sim.until(Mode.ARMED)
+    assert sim.q[5] == pytest.approx(0.5, abs=1e-5)

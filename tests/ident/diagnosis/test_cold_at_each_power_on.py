@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
@@ -14,6 +16,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.effects.session_errors import RESET
+from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -47,6 +50,22 @@ def test_a_warm_up_that_begins_anew_is_named(tmp_path: Path) -> None:
     assert held_out is not None
     assert held_out.deployed is not None
     assert held_out.deployed.now.rms == pytest.approx(run.steps[-1].held_out_rms)
+
+
+@given(st.floats(0.0, 5e3), st.floats(30.0, 3e3))
+def test_a_joint_warms_up_from_its_power_on_and_a_stand_from_the_first_pose(lead: float, constant: float) -> None:
+    """Whenever measuring begins, a joint's drift is that of the same arm measured from its power-on."""
+    arm, t = load_arm("two-joint"), np.linspace(0.0, 600.0, 20)
+    late = replace(poses_of(np.zeros((20, 2))), t=t, running=t + lead, powered=t + lead)
+    whole = replace(late, t=t + lead)
+    shapes = 0.01, 0.0, constant
+    for reset in (0.0, 1.0):
+        [joint], [seen] = effects_at(arm, "drift@joint2"), effects_at(arm, f"drift@{FRAME_PLACE}")
+        np.testing.assert_allclose(
+            joint.amounts(late, (), (*shapes, reset)), joint.amounts(whole, (), (*shapes, reset))
+        )
+        assert RESET not in joint.shapes_to_try(late)
+    np.testing.assert_allclose(seen.amounts(late, (), (*shapes, 0.0))[0][0], 0.0)
 
 
 def test_one_session_leaves_its_beginning_open(lab: Arm) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.diagnosis.evidence import Evidence
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.report.diagnosis.course import attribution_blocks
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import GEOMETRY, Story, story_of_file
@@ -100,6 +101,16 @@ def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp
     assert "identified cause" in labels[3]
 
 
+@pytest.mark.parametrize("elsewhere", [(), ("servo_gain@joint1",)])
+def test_auto_says_which_candidates_act_elsewhere(elsewhere: tuple[str, ...]) -> None:
+    steps = [None, SimpleNamespace(added="servo_gain@joint1", evidence=Evidence())]
+    attributions, report = [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)], SimpleNamespace(elsewhere=elsewhere)
+    course: Any = SimpleNamespace(steps=steps, attributions=attributions, explained=[1.0], report=report)
+    words = " ".join(map(str, attribution_blocks(course)))
+    assert words.startswith("Candidate causes: servo_gain@joint1 (0.1")
+    assert ("acts elsewhere" in words) == bool(elsewhere)
+
+
 def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
     """Else the card says *identified* where the verdict says that these poses cannot distinguish it."""
     one, other = "servo_gain@joint1", "cable_spring@joint1"
@@ -107,7 +118,7 @@ def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
         steps=[None, SimpleNamespace(added=one, evidence=Evidence((other,)))],
         attributions=[StepAttribution("finding", 0.0)],
         explained=[1.0],
-        report=SimpleNamespace(diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),
+        report=SimpleNamespace(elsewhere=(), diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),
     )
     words = " ".join(map(str, attribution_blocks(course)))
     assert f"Indistinguishable with these poses: {one}, or {other}" in words

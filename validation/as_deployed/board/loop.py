@@ -58,10 +58,12 @@ class SeedLoop:
     speed: float
 
     def measured(self, tracker: str) -> None:
-        """Measures all poses, and goes on where it was interrupted."""
+        """Measures all poses, anew from the first where it was interrupted: the target is pushed but once."""
         self.steps.write_poses(pose_table(load_arm(ARM), POSES, REPEATS, self.seed))
 
         def measure() -> None:
+            for suffix in ("csv", "toml"):
+                Path(self.steps.file(f"measured.{suffix}")).unlink(missing_ok=True)
             with _world(self.seed, tracker, self.speed) as world:
                 arm = (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}")
                 replace(self.steps, arm=arm).measure("--load-command", world.load_command)

@@ -34,7 +34,7 @@ PUSH_M, PUSH_DEG, PUSHED_AT_S = 0.003, 0.3, 240.0
 class PassingWorld:
     """Arm of a seed with random errors, whose joint 2, 3 or 4 drifts, on a base that leans, seen by a tracker.
 
-    The tracker's base target is pushed while measuring. All by the board's clock (s).
+    The tracker's base target is pushed while measuring, by the board's clock (s).
     """
 
     seed: int

@@ -14,7 +14,7 @@ from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.measuring.campaign import adaptive
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
-from lrm_ident.measuring.campaign.data_file import ArmState, DataFile
+from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, PowerOn
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, Unreachable
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
@@ -85,7 +85,7 @@ def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
     told: list[str] = []
     file = DataFile(path, ARM.dof)
     with file:
-        file.begin("power", "two-joint", "test", poses_sha256="plan", t0_s=0.0)
+        file.begin(PowerOn("power"), 0.0, "two-joint", "test", poses_sha256="plan")
         campaign = PoseCampaign(rig, rig, TargetNumbers(1, None), rig, PoseTiming(), PLAN[0], lambda _: None)
         AdaptiveCampaign(campaign, ARM, goal, told.append).run(PLAN, file)
     return told

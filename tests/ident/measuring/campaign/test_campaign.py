@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.cli.campaign import _timing, conclude
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, after_midnight
+from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, PowerOn, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
 from lrm_ident.measuring.campaign.run import (
     CampaignProgress,
@@ -124,7 +124,7 @@ def run(
     file.check_plan("plan")
     on_progress = (lambda _: None) if told is None else told.append
     with file:
-        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=world.t)
+        file.begin(PowerOn("power"), world.t, "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan")
         campaign = PoseCampaign(world, world, NUMBERS, world, timing or PoseTiming(), POSES[0], on_progress)
         return campaign.run(POSES, file).failed
 
@@ -197,7 +197,7 @@ def test_a_pose_is_held_as_long_as_its_file_says_and_the_memory_of_the_data_know
     assert [pose.hold for pose in plan.poses] == holds
     with (file := DataFile(tmp_path / "data.csv", 6)):
         world = FakeWorld()
-        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=world.t)
+        file.begin(PowerOn("power"), world.t, "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan")
         timing = PoseTiming(15.0, 0.5, 1.0)
         PoseCampaign(world, world, NUMBERS, world, timing, POSES[0], lambda _: None).run(plan.poses, file)
     poses = load_measurements(tmp_path / "data.csv", ARM).poses
@@ -253,7 +253,7 @@ def test_a_session_is_another_exactly_where_the_servos_were_switched_on_anew(run
     with TemporaryDirectory() as folder:
         for name, rows in runs:
             with DataFile(path := Path(folder) / "data.csv", 6) as file:
-                session = file.begin(name, "lrm-lab", "test", poses_sha256="plan", t0_s=1000.0)
+                session = file.begin(PowerOn(name), 1000.0, "lrm-lab", "test", poses_sha256="plan")
                 before = expected[-1] if expected else (name, 1)
                 assert session == before[1] + (before[0] != name)
                 for _ in range(rows):
@@ -266,6 +266,38 @@ def test_a_session_is_another_exactly_where_the_servos_were_switched_on_anew(run
                     expected.append((name, session))
         column = [int(line.split(",")[2]) for line in path.read_text().splitlines()[1:]]
     assert column == [session for _, session in expected]
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1e4), st.floats(0.0, 1e5), st.booleans()), min_size=1, max_size=4))
+def test_the_poses_know_since_when_their_session_has_power(sessions: list[tuple[float, float, bool]]) -> None:
+    """Each session: time from its power-on to its first row (s), time since the row before, whether it is known.
+
+    The tracker's clock begins anew every midnight.
+    """
+    t, expected = 86_000.0, list[float]()
+    with TemporaryDirectory() as folder:
+        for number, (ago, gap, known) in enumerate(sessions, start=1):
+            t += gap + 1.0 if gap < 4e4 else 1.0
+            with DataFile(path := Path(folder) / "data.csv", 6) as file:
+                session = file.begin(
+                    PowerOn(str(number), ago if known else None, 20.0 + number), t % 86_400.0, "lrm-lab", "test"
+                )
+                for row in range(2):
+                    rest = RestMean(np.full(3, 0.1), 1e-4, (t + 10.0 * row) % 86_400.0, 30)
+                    state = ArmState((0.0,) * 6, (0,) * 6, 30.0, session)
+                    file.append(PlannedPose(len(expected) + 1, (0.0,) * 6, 0.0, (), len(expected) + 1), state, rest)
+                    expected.append(10.0 * row + (ago if known else 0.0))
+            t += 10.0
+        poses = load_measurements(path, ARM).poses
+    np.testing.assert_allclose(poses.running, expected, atol=2e-3)
+    assert poses.t is not None
+    assert poses.warmed is not None
+    if sessions[0][2]:
+        np.testing.assert_allclose(poses.powered, poses.t + sessions[0][0], atol=2e-3)
+        np.testing.assert_allclose(poses.warmed, 9.0)
+    else:
+        assert poses.powered is None
+    assert poses.take([-1]).warmed == poses.warmed[-1]
 
 
 def test_a_repeat_of_a_pose_that_is_missing_stands_for_itself(tmp_path: Path) -> None:
@@ -317,7 +349,7 @@ def test_the_orientation_reaches_the_file_where_it_is_asked_for(tmp_path: Path) 
     seen = RestMean(np.zeros(3), 1e-4, 1000.0, 30, turned, math.radians(0.05))
     state = ArmState((0.0,) * 6, (0,) * 6, 25.0, 1)
     with DataFile(path := tmp_path / "data.csv", 6, orientation=True) as file:
-        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=0.0)
+        file.begin(PowerOn("power"), 0.0, "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan")
         file.append(POSES[0], state, seen)
         file.append(POSES[1], state, replace(seen, rotation=None, turn_sd=None))
     header, first, second = (line.split(",") for line in path.read_text().splitlines())

@@ -15,7 +15,7 @@ from lrm_ident.measuring.campaign.session import RealClock, by_daemon, power_on
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrmd.client import LEASE_LOST, MotionInterrupted, RequestRefused, Rover
-from lrmd.config import load_config
+from lrmd.config import SECOND, load_config
 from lrmd.messages.codec import ErrorReply
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
@@ -154,21 +154,39 @@ def test_a_stop_at_a_rest_ends_the_campaign_although_it_looks_at_the_mode(
 def test_a_power_on_session_ends_with_the_pulses_or_the_daemon(daemon: InMemoryDaemon, rover: Rover) -> None:
     names = rover.info().names[:6]
     rover.arm("given", dict.fromkeys(names, 0.0))
-    first = power_on(rover)
+    first = power_on(rover).name
     rover.move({"joint1": 0.1}, {"joint1": 0.0})
     rover.hold()
-    assert power_on(rover) == first
+    assert power_on(rover).name == first
     for off in (rover.disarm, rover.estop):
-        before = power_on(rover)
+        before = power_on(rover).name
         off()
         if off == rover.estop:
             rover.reset_fault()
         daemon.run(6)
         rover.arm("given", dict.fromkeys(names, 0.0))
-        assert power_on(rover) != before
+        assert power_on(rover).name != before
     rover._session = started("boot2").session  # type: ignore[assignment]
     rover.mode()
-    assert power_on(rover) == "boot2-0"
+    assert power_on(rover).name == "boot2-0"
+
+
+def test_the_time_since_power_on_is_that_of_the_pulses(daemon: InMemoryDaemon, rover: Rover) -> None:
+    """Not of the session's first motion, and anew after each time without pulses."""
+    names = rover.info().names[:6]
+    for _ in range(2):
+        assert power_on(rover).ago is None
+        rover.arm("given", dict.fromkeys(names, 0.0))
+        begun, began = power_on(rover), daemon.sim.now
+        rover.move({"joint1": 0.1}, {"joint1": 0.0})
+        later = power_on(rover)
+        assert later.name == begun.name
+        assert begun.ago is not None
+        assert later.ago is not None
+        assert later.ago - begun.ago == pytest.approx((daemon.sim.now - began) / SECOND, abs=0.1)
+        assert later.temperature == begun.temperature
+        rover.disarm()
+        daemon.run(6)
 
 
 GOAL = [0.5]
