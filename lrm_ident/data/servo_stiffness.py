@@ -141,8 +141,8 @@ def _curvature(test: ServoTest, A: Array, residual: Array) -> float | None:
     """p value of the F test of the terms in τ² and τ³."""
     size = test.torque / max(float(np.abs(test.torque).max()), SAME_TORQUE)
     wide = np.column_stack([A, size**2, size**3])
-    freedom = len(residual) - wide.shape[1]
-    added = np.linalg.matrix_rank(wide) - A.shape[1]
+    rank = int(np.linalg.matrix_rank(wide))  # at three torques τ³ is a line and τ²
+    freedom, added = len(residual) - rank, rank - A.shape[1]
     if freedom < 1 or added < 1:
         return None
     estimate, *_ = np.linalg.lstsq(wide, test.angle, rcond=None)

@@ -55,6 +55,8 @@ from lrmd.messages.zenoh_session import key
 RELOAD_S = 10.0
 LOOK_S = 0.05
 """s between two looks at the skill under way."""
+THERE = 1e-4
+"""rad; a goal is rounded to whole nanoseconds, about 2e-6 rad."""
 STOP_S, ONCE_S, AGAIN_S = 5.0, 0.5, 0.02
 """s: how long a stop is repeated, how long its answer is waited for, and from that to the next one."""
 
@@ -129,7 +131,17 @@ class Rover(RoverSession):
         seconds, self.unchecked, self.settle_s = reply.seconds or 0.0, reply.unchecked, reply.settle_s
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
+            self._check_there({name: angle for waypoint in path for name, angle in waypoint.items()})
         return seconds
+
+    def _check_there(self, goal: Mapping[str, float]) -> None:
+        """Raises `MotionInterrupted` if the servos were not sent to a goal (rad by name) last: another client took the
+        lease and moved the arm, or it went to rest since a servo was hot."""
+        joints = self.joints()
+        commanded = dict(zip(joints.names, joints.q_rad, strict=True))
+        if off := [name for name, angle in goal.items() if abs(commanded[name] - angle) > THERE]:
+            why = f"another motion took its place: {off[0]} is not where it was sent"
+            raise MotionInterrupted(self.mode().mode, why)
 
     def carry(self, payload_kg: float, centre_m: Sequence[float] = ORIGIN) -> None:
         """Tells what the gripper carries from now on: mass (kg) and centre, see `PayloadRequest`. Nothing moves.
