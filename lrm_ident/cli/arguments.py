@@ -28,14 +28,12 @@ DataFile = Annotated[
 ModelPath = Annotated[Path, Argument(metavar="MODEL", help="A model file written by fit.")]
 PosesFile = Annotated[Path, Argument(metavar="POSES", help="Poses: a CSV with q1_deg… and, optionally, payload_g.")]
 ArmArgument = Annotated[str, Argument(metavar="ARM", help="A shipped arm or the path of an arm file.")]
+_ARMS = "A shipped arm (lrm-rover, lrm-lab, two-joint, so100, so101, koch, lekiwi, ur5) or the path of an arm file."
 ArmName = Annotated[
-    str | None,
-    Option(
-        "--arm",
-        help="A shipped arm (lrm-rover, lrm-lab, two-joint, so100, so101, koch, lekiwi, ur5) or the path of an arm "
-        "file. Default: the arm that the .toml file beside DATA names.",
-    ),
+    str | None, Option("--arm", help=f"{_ARMS} Default: the arm that the .toml file beside DATA names.")
 ]
+DrivenArm = Annotated[str | None, Option("--arm", help=f"{_ARMS} Default: the daemon's arm; so101 without a daemon.")]
+ServoArm = Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")]
 ShowAll = Annotated[bool, Option("--all", help="Print the details, too, and long lists in full.")]
 Force = Annotated[bool, Option("--force", help="Replace an existing model file that has more steps than the new one.")]
 NewModel = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the new model.")]

@@ -47,7 +47,7 @@ def measure(
     ],
     robot: arg.AnyRobot = "rover",
     connect: arg.Connect = None,
-    arm: arg.ArmName = None,
+    arm: arg.DrivenArm = None,
     tool: arg.ToolTarget = 1,
     base: arg.BaseTarget = 0,
     pause: arg.Pause = 15.0,
@@ -232,7 +232,7 @@ def verify(
         str,
         Option(help="Number of random goals, or a CSV of x_mm, y_mm, z_mm (and qw, qx, qy, qz), or hole-to-basket."),
     ] = "50",
-    arm: arg.ArmName = None,
+    arm: arg.DrivenArm = None,
     payload_g: Annotated[float, Option(min=0, help="Load that the tool carries.")] = 0.0,
     seed: Annotated[int, Option(help="Seed of the random goals: use the same before and after.")] = 0,
     before: Annotated[

@@ -55,7 +55,8 @@ def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[...,
         """Adds the function to the group under its own name."""
         own = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
         in_short = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
-        group.command(own, cls=SectionedCommand, short_help=in_short, epilog=examples_of(own))(_checked(function))
+        examples = examples_of(own) if group is app else None  # `fit` and `motion fit` are different commands
+        group.command(own, cls=SectionedCommand, short_help=in_short, epilog=examples)(_checked(function))
         return function
 
     return register

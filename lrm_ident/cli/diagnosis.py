@@ -265,7 +265,7 @@ def propose(
     else:
         write_text(output, found.best.source)
         show(
-            f"Law written to {output}",
+            f"Formula written to {output}",
             f"Add it with: lrm-ident add {model} {data} {law_id(law)}@joint{law.joint + 1} "
             f"--effects-file {output} -o MODEL2",
         )

@@ -13,6 +13,7 @@ from lrm_math.arrays import Array
 
 NEIGHBOURS, DRAWS, SEED = 6, 400, 0
 PAIRS_AT_ONCE = 200
+ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
     """
     near, successive = neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
     rows = len(residual) // len(q)
-    measured = (residual != 0.0) | basis.any(axis=1)
+    measured = rows_present(residual, basis)
     noise = np.random.default_rng(SEED).normal(size=(len(residual), DRAWS)) * measured[:, None]
     noise -= basis @ (basis.T @ noise)
     observed = [_morans_i(residual[:, None], pairs, rows)[0] for pairs in (near, successive)]
@@ -49,6 +50,12 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
         _p_value(i, _morans_i(noise, pairs, rows)) for i, pairs in zip(observed, (near, successive), strict=True)
     ]
     return ResidualStructure(float(observed[0]), *p_values)
+
+
+def rows_present(residual: Array, basis: Array) -> NDArray[np.bool_]:
+    """(M,), which rows of a residual (M,) and a basis (M, P) hold a number that was measured, not round-off."""
+    least = ROUND_OFF * np.abs(residual).max(initial=0.0)
+    return np.asarray((np.abs(residual) > least) | (np.abs(basis) > ROUND_OFF).any(axis=1))
 
 
 def neighbours(q: Array) -> NDArray[np.int64]:

@@ -128,7 +128,7 @@ def words_of(source: MotionSource) -> str:
 def fit(
     source: MotionSource,
     output: Annotated[Path, Option("-o", "--output", metavar="MODEL", help="Where to write the motion model.")],
-    arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = SO101,
+    arm: arg.ServoArm = SO101,
     json: arg.JsonFile = None,
 ) -> None:
     """Fit the response of every servo: frequency, damping, zero."""
@@ -283,7 +283,7 @@ def play(
         Option("-o", "--output", metavar="CSV", help="Where to write commands and encoders; not with a daemon."),
     ] = None,
     connect: arg.Connect = None,
-    arm: arg.ArmName = None,
+    arm: arg.DrivenArm = None,
     take: arg.Take = False,
     speed: arg.Speed = None,
     release: arg.Release = False,

@@ -144,7 +144,7 @@ def checkup(
             metavar="DATASET", help="Folder of a LeRobot dataset, v2.1 or v3, in degrees; or USER/DATASET of its cache."
         ),
     ],
-    arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = "so101",
+    arm: arg.ServoArm = SO101,
     dwell: Annotated[float, Option(min=0.2, help="Seconds that a stop lasts at least.")] = 0.5,
     video: Annotated[
         str | None,

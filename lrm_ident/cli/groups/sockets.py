@@ -9,6 +9,7 @@ from typing import Annotated
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
@@ -67,7 +68,7 @@ def plan(
         Path | None,
         Option(metavar="TOML", help="The file that sockets board wrote. Default: the board of its default size."),
     ] = None,
-    arm: arg.ArmName = None,
+    arm: arg.ServoArm = SO101,
     count: Annotated[int, Option("-n", "--count", min=1, help="How many touches.")] = 24,
     placements: Annotated[int, Option(min=1, max=5, help="At how many placements of the board.")] = 3,
     noise_mm: Annotated[float, Option(min=1e-3, help="Noise of a touch per axis: how exactly the tip sits.")] = 0.2,
@@ -80,7 +81,7 @@ def plan(
     if board is not None and (known is None or not known.points):
         raise FileError(board, "", "states no [points]", "give the file that sockets board wrote")
     points = SocketBoard().points if known is None or known.points is None else known.points
-    described = load_arm(arm or "so101")
+    described = load_arm(arm)
     with progress("trying placements") as tick:
         found = plan_touches(described, points, count, placements, noise_mm * MM, seed, tick)
     show(f"{count} touches of {described.name} at {placements} placements. Put the board:")
@@ -118,7 +119,7 @@ def record(
         Path | None,
         Option(metavar="TOML", help="The file with the places of the sockets, which sockets board wrote."),
     ] = None,
-    arm: arg.ArmName = None,
+    arm: arg.ServoArm = SO101,
     points: Annotated[str, Option(help="Names of the sockets by commas. Default: those of the board.")] = "",
 ) -> None:
     """Record touches by hand: torque is off, you hold the tip in a socket, Enter reads the encoders."""
@@ -129,8 +130,7 @@ def record(
     kind = next((kind for kind in BUSES if robot.startswith(kind.prefix)), None)
     if kind is None:
         raise LrmError(f"--robot {robot}: should begin with {' or '.join(each.prefix for each in BUSES)}")
-    name = arm or "so101"
-    described, known = load_arm(name), None if board is None else metadata_of(board)
+    described, known = load_arm(arm), None if board is None else metadata_of(board)
     if board is not None and (known is None or not known.points):
         raise FileError(board, "", "states no [points]", "give the file that sockets board wrote")
     places = {} if known is None else known.points or {}
@@ -144,9 +144,7 @@ def record(
                 "distances": None if known is None else known.distances,
             }
             about["servos"] = settings
-            text = metadata_toml(
-                arm_name_for(name, output.parent), f"sockets record: {robot}", **about, servos=settings
-            )
+            text = metadata_toml(arm_name_for(arm, output.parent), f"sockets record: {robot}", **about, servos=settings)
             write_text(output.with_suffix(".toml"), text)
         count = record_touches(servos, log, chosen, input, show, time.sleep)
     show(f"{count} touches recorded; {log.count} are in {output}.", f"Next: lrm-ident fit {output} -o model.toml")

@@ -34,6 +34,7 @@ from lrm_ident.diagnosis.screening.column_sets import (
 )
 from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, truncated_svd
 from lrm_ident.residual.better_prediction import squared_outlier_distance
+from lrm_ident.residual.residual_structure import rows_present
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # s, of a parameter in typical sizes
@@ -138,11 +139,15 @@ class LinearisedFit:
         return self.basis[: self.measured]
 
     @cached_property
+    def present(self) -> NDArray[np.bool_]:
+        """(R N,), which rows hold a number: of a pose without a position, say, three do not."""
+        return rows_present(self.residual[: self.measured], self.measured_basis)
+
+    @cached_property
     def degrees_of_freedom(self) -> int:
         """Number of measured rows less the effective number of fitted parameters."""
-        basis = self.measured_basis
-        measured = (self.residual[: self.measured] != 0.0) | basis.any(axis=1)
-        return int(np.count_nonzero(measured) - round(float((basis**2).sum())) - self.selected.columns.shape[1])
+        fitted = round(float((self.measured_basis**2).sum()))
+        return int(np.count_nonzero(self.present) - fitted - self.selected.columns.shape[1])
 
     def pose_by_pose(self, rows: Array) -> Array:
         """The R N measured ones, pose by pose, of rows (R N + K,) that stand fold by fold."""

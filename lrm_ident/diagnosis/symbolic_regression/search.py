@@ -69,6 +69,8 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     rows, folds = linear.measured, len(linear.folds)
     noise = np.zeros((len(linear.residual), NULL_DRAWS))
     noise[:rows] = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
+    noise[:rows] *= linear.present[:, None]
+    present, count = linear.present[linear.order[:rows]], int(np.count_nonzero(linear.present))
     noise -= linear.basis @ (linear.basis.T @ noise)
     squares, fold_gain, gain, largest = [], [], [], np.full(NULL_DRAWS, -np.inf)
     both = np.concatenate([linear.residual[:, None], noise], axis=1)[linear.order]
@@ -84,8 +86,9 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
             remaining = fold.residual[:, None] - predicted
             held_out[fold.poses] = (remaining**2).reshape(-1, linear.rows, remaining.shape[1]).sum(axis=1)
             squares_left = residual @ residual - residual[fold.absent] @ fold.residual
-            by_fold[k] = _bic_gain(explained, rows - len(remaining), squares_left, group)[:, 0]
-        gains = _bic_gain(_solve(whole, group, linear)[1], rows, (both**2).sum(axis=0), group)
+            others = count - int(np.count_nonzero(present[fold.absent]))
+            by_fold[k] = _bic_gain(explained, others, squares_left, group)[:, 0]
+        gains = _bic_gain(_solve(whole, group, linear)[1], count, (both**2).sum(axis=0), group)
         squares.append(held_out)
         fold_gain.append(by_fold)
         gain.append(gains[:, 0])

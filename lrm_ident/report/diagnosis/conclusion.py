@@ -316,7 +316,7 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     least = min(one.scored.alone.rms for one in others)
     curves = (one for one in report.ranking if one is not first and one.scored.candidate.effect.is_free_form)
     if any(one.scored.alone.rms < least for one in curves):
-        return f"other causes leave ≈ {in_mm(least)} mm or more, curves aside"
+        return f"other causes leave ≈ {in_mm(least)} mm or more, splines less"
     return f"every other known cause leaves ≈ {in_mm(least)} mm or more"
 
 

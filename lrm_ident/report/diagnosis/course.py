@@ -270,8 +270,8 @@ def _chosen(nested: NestedResidual) -> str:
 def proposal_document(found: LawProposal) -> Document:
     """Result of `lrm-ident propose`, schema `lrm/proposal/1`."""
     judged = (
-        f"{found.tried} laws were tried at all joints. Held out, the model alone has {in_mm(found.before.rms)} mm; "
-        f"with a law chosen anew in every block (nested) about {in_mm(found.nested)} mm. Against pure noise: "
+        f"{found.tried} formulas were tried at all joints. Held out, the model alone has {in_mm(found.before.rms)} mm; "
+        f"with a formula chosen anew in every block (nested) about {in_mm(found.nested)} mm. Against pure noise: "
         f"p {p_words(found.p_value)}."
     )
     best = found.best
@@ -290,7 +290,7 @@ def proposal_document(found: LawProposal) -> Document:
         "next_poses_deg": None if found.next_poses is None else np.degrees(found.next_poses).round(1),
     }
     if best is None:
-        return Document([heading(f"No law is proposed: {found.reason}."), judged], "lrm/proposal/1", values)
+        return Document([heading(f"No formula is proposed: {found.reason}."), judged], "lrm/proposal/1", values)
     blocks: list[Block] = [
         heading(f"Proposed: {best.law.formula}"),
         judged,
@@ -298,7 +298,7 @@ def proposal_document(found: LawProposal) -> Document:
     ]
     if found.equivalent:
         rows = [(law.formula, rms * 1e3) for law, rms in found.equivalent[:SHOWN]]
-        blocks.append(ResultTable(("law", "held out ≈ mm|.2f"), rows, "Indistinguishable with these poses"))
+        blocks.append(ResultTable(("formula", "held out ≈ mm|.2f"), rows, "Indistinguishable with these poses"))
     if found.next_poses is not None and len(found.next_poses):
         columns = ("pose|", *(f"q{i + 1}|.0f" for i in range(found.next_poses.shape[1])))
         lines = [(number, *row) for number, row in enumerate(np.degrees(found.next_poses).tolist(), start=1)]

@@ -110,6 +110,11 @@ def test_examples_in_the_help_use_options_that_exist(name: str) -> None:
         assert {word for word in words if word.startswith("-")} <= options
 
 
+def test_a_command_of_a_group_has_no_examples_of_another_command() -> None:
+    for words in (["motion", "fit"], ["motion", "design"], ["arm", "show"], ["arm", "import"]):
+        assert "Examples:" not in CliRunner().invoke(app, [*words, "--help"]).stdout
+
+
 def test_the_page_is_the_codes() -> None:
     """`make schemas` copies it; every entry of it is read."""
     page = SOURCE.read_text(encoding="utf-8")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import stdtr
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
@@ -69,6 +70,16 @@ def test_stated_errors_of_slope_and_loop_are_honest() -> None:
     assert 0.92 < np.mean(loop) < 0.98
     false_alarms = np.mean([f.curvature_p < 0.01 for f in found])  # type: ignore[operator]
     assert false_alarms < 0.03
+
+
+def test_three_torques_are_tested_for_a_quadratic_term_alone() -> None:
+    """Its F test is Student's test of that coefficient."""
+    rng, torque = np.random.default_rng(4), np.tile([0.0, 1.0, 2.0, 1.0], 3)
+    test = ServoTest(torque, 0.03 * torque + 0.002 * torque**2 + rng.normal(0.0, 0.002, 12))
+    A = np.column_stack([np.ones(12), torque, np.where(test.falling, 0.5, -0.5), torque**2])
+    estimate, squares, *_ = np.linalg.lstsq(A, test.angle, rcond=None)
+    error = np.sqrt(squares[0] / 8 * np.linalg.inv(A.T @ A)[3, 3])
+    assert stiffness(test).curvature_p == pytest.approx(2.0 * stdtr(8, -abs(estimate[3]) / error))
 
 
 def test_a_spring_that_stiffens_is_noticed() -> None:

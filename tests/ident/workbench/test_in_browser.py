@@ -200,7 +200,7 @@ def test_auto_is_cancelled_and_a_law_is_proposed(browser: Any, small: RunningWor
     press(page, "propose a formula")
     says(page, "#lrm-work", "law")
     page.wait_for_selector("#lrm-search")
-    assert "laws were tried" in page.inner_text("#lrm-search")
+    assert "formulas were tried" in page.inner_text("#lrm-search")
     shot(page, "law.png")
     page.click("[data-name=close-search]")
     page.context.close()

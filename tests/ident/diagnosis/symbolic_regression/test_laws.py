@@ -111,8 +111,8 @@ def test_a_written_law_moves_the_joint_as_its_formula_says(
 TRUE = 17
 
 
-def made_up(seed: int, signal: float) -> tuple[LawSearch, LinearisedFit, LawColumns]:
-    """A search among 40 random laws of one or two terms, of which number 17 is true."""
+def made_up(seed: int, signal: float, axes: int = 3) -> tuple[LawSearch, LinearisedFit, LawColumns]:
+    """A search among 40 random laws of one or two terms, of which number 17 is true; so many `axes` are measured."""
     rng = np.random.default_rng(seed)
     motions = rng.normal(size=(300, 61)) * 1e-3
     motions[:, 60] = 0.0
@@ -125,7 +125,10 @@ def made_up(seed: int, signal: float) -> tuple[LawSearch, LinearisedFit, LawColu
     group = LawColumns((one,) * 20 + (two,) * 20, motions, first, second)
     residual = rng.normal(size=300) * 1e-3 + signal * motions[:, TRUE]
     folds = [np.arange(100)[k::10] for k in range(10)]
-    linear = linearise(rng.normal(size=(300, 4)), residual, folds, 1e-3)
+    measured = np.arange(300) % 3 < axes
+    group = replace(group, motions=group.motions * measured[:, None])
+    linear = linearise(rng.normal(size=(300, 4)) * measured[:, None], residual * measured, folds, 1e-3)
+    assert linear.degrees_of_freedom == 100 * axes - 4
     return search_laws(linear, [group]), linear, group
 
 
@@ -137,6 +140,13 @@ def test_the_search_is_what_the_linearised_fit_says_of_each_law(seed: int) -> No
         columns = [group.first[i], group.second[i]][: len(group.laws[i].terms)]
         alone = linear.explain(linear.project(group.motions[:, columns]))
         np.testing.assert_allclose(search.squares[:, i], alone.held_out, rtol=1e-7)
+
+
+def test_of_numbers_that_were_not_measured_no_law_is_made() -> None:
+    """The p value of the best law of noise is as often below a level as it says, also where one axis was measured."""
+    p_values = np.array([made_up(seed, 0.0, axes=1)[0].p_value for seed in range(20)])
+    assert np.median(p_values) > 0.2
+    assert np.count_nonzero(p_values < 0.05) <= 4
 
 
 @pytest.mark.parametrize("seed", seeds(1, 3))
@@ -218,7 +228,7 @@ def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
     found = propose_law(base_fit(arm, data), data)
     assert found.best is None
     assert found.reason
-    assert "No law is proposed" in str(proposal_document(found).blocks[0])
+    assert "No formula is proposed" in str(proposal_document(found).blocks[0])
 
 
 def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> None:
