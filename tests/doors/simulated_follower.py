@@ -30,7 +30,11 @@ class SimulatedBus:
         if self.lost:
             self.lost -= 1
             raise ConnectionError("no status packet")
-        read = {"Torque_Enable": lambda servo: float(servo.powered), "Present_Temperature": lambda _: 30.0}[register]
+        read = {
+            "Torque_Enable": lambda servo: float(servo.powered),
+            "Present_Temperature": lambda _: 30.0,
+            "Torque_Limit": lambda servo: float(table.TORQUE_LIMIT.read(servo.memory)),
+        }[register]
         return {name: read(self.servos[name]) for name in motors}
 
     def write(self, register: str, motor: str, value: int) -> None:

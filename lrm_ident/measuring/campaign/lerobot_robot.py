@@ -120,11 +120,14 @@ class LeRobotServos:
         return settings_of(self.robot.bus, self.joints)
 
     def bound_torque(self, share: float) -> None:
-        """See `Servos`."""
-        bus = self.robot.bus
-        for name in self.joints:
-            if "Torque_Limit" in bus.model_ctrl_table[bus.motors[name].model]:
-                bus.write("Torque_Limit", name, round(share * MOST_TORQUE))
+        """See `Servos`. That of a servo which holds is only lowered, as on a bus of ours (`torque_on.bound_torque`)."""
+        bus, bound = self.robot.bus, round(share * MOST_TORQUE)
+        bounded = [name for name in self.joints if "Torque_Limit" in bus.model_ctrl_table[bus.motors[name].model]]
+        if not bounded:
+            return
+        powered, limits = self.powered(), bus.sync_read("Torque_Limit", bounded)
+        for name in bounded:
+            bus.write("Torque_Limit", name, min(bound, int(limits[name])) if powered[name] else bound)
 
     def forget_late_answers(self) -> None:
         """See `Servos`: LeRobot would take them for answers to what is asked next."""

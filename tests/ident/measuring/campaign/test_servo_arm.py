@@ -47,6 +47,8 @@ class FakeBus:
         if self.refusals:
             self.refusals -= 1
             raise ConnectionError("no status\npacket")
+        if register == "Torque_Limit":
+            return {name: self.limits.get(name, 1000) for name in motors}
         return dict.fromkeys(motors, {"Present_Temperature": self.heat, "Torque_Enable": self.torque}[register])
 
     def write(self, register: str, motor: str, value: int) -> None:
@@ -110,6 +112,15 @@ def test_it_goes_straight_and_no_faster_than_it_may(goals: list[list[float]], ap
         assert max(abs(a - b) for a, b in zip(now, before, strict=True)) <= SPEED * TICK_S + 1e-9
         before = now
     assert robot.bus.limits == dict.fromkeys(NAMES, TORQUE * MOST_TORQUE)
+
+
+@given(st.lists(st.integers(0, MOST_TORQUE), min_size=5, max_size=5), st.booleans())
+def test_a_servo_that_holds_is_given_no_more_torque(limits: list[int], holds: bool) -> None:
+    robot = FakeRobot()
+    robot.bus.limits, robot.bus.torque = dict(zip(NAMES, limits, strict=True)), int(holds)
+    LeRobotServos.of(robot, ARM).bound_torque(0.6)
+    bound = round(0.6 * MOST_TORQUE)
+    assert [*robot.bus.limits.values()] == [min(limit, bound) if holds else bound for limit in limits]
 
 
 def test_a_joint_that_is_held_up_ends_it_and_the_arm_holds() -> None:
