@@ -30,7 +30,7 @@ NEXT_STEP: Mapping[Verdict, str] = {
     ),
     Verdict.UNPREDICTABLE: (
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
-        "one that does not is a loose part, creep or noise."
+        "one that does not is a loose part, creep, or noise larger than stated."
     ),
     Verdict.NOTHING_MISSING: "Gives the model to lrmd; nothing moves yet. verify moves the arm.",
     Verdict.NOISE_UNKNOWN: (
