@@ -16,6 +16,7 @@ LEROBOT_PYTHON_NAME := $(if $(filter 0.4.%,$(LEROBOT)),python3.11,python3.12)
 LEROBOT_PYTHON ?= $(shell for p in $(LEROBOT_PYTHON_NAME) $$HOME/.pyenv/versions/*/bin/$(LEROBOT_PYTHON_NAME); do \
     "$$p" --version > /dev/null 2>&1 && { echo "$$p"; break; }; done)
 SIDE_BY_SIDE := -n 3 --dist worksteal
+TWO_AT_A_TIME := -n 2 --dist worksteal
 INTEGRATIONS := integrations/lrm_ros2 integrations/lrm_skills integrations/lerobot_robot_lrm
 UNITS := --ignore tests/system --ignore tests/package --ignore-glob '*_in_browser.py'
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
@@ -51,13 +52,13 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then the system's, which wait, four at a time
+test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then the system's, each with a daemon and a board in real time, two at a time
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
 	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 20 tests/system
+	$(ONE_THREAD) $(BIN)/python -m pytest $(TWO_AT_A_TIME) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"
