@@ -154,18 +154,12 @@ class ProcessGroup:
 
 
 class BoardProcess(ProcessGroup):
-    """`lrmd-board`, writing its frame log.
-
-    A real board has a processor of its own and answers whatever else is going on; so this one goes before all but the
-    ramp, where that is allowed.
-    """
+    """`lrmd-board`, writing its frame log."""
 
     def __init__(self, setup: DaemonSetup, *options: str) -> None:
         command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(setup.link), "--log", str(setup.log)]
         super().__init__([*command, *options], subprocess.DEVNULL)
         self.setup = setup
-        with suppress(PermissionError):
-            os.sched_setscheduler(self.process.pid, os.SCHED_FIFO, os.sched_param(1))
         wait_for(lambda: setup.link.exists() or self.process.poll() is not None, "the board comes up")
         assert self.process.poll() is None, "the simulated board ended"
 
