@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -23,7 +23,7 @@ from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.link.pca9685 import CHANNELS
-from lrmd.ramp.process import MonotonicClock
+from lrmd.ramp.process import MonotonicClock, request_realtime
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.control_socket import ControlServer, QueryReply, answer_query, control_path, query_board
@@ -264,14 +264,8 @@ def run(options: argparse.Namespace) -> None:
         def reply(question: str) -> QueryReply:
             return answer_query(simulation, question, clock.now(), random, noise)
 
-        _go_first()
+        request_realtime(1)  # a real board has a processor of its own, whatever else is going on
         serve(simulation, port, control, reply, clock, end)
-
-
-def _go_first() -> None:
-    """Real-time priority, where it is allowed: a real board has a processor of its own, whatever else is going on."""
-    with suppress(PermissionError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
