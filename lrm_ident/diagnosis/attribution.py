@@ -43,7 +43,7 @@ def support_of(explained: float, left: float, evidence: Evidence) -> Support:
     """
     if evidence.describes:
         return Support.DESCRIPTION
-    shown = evidence.replicates and not evidence.elsewhere and explained > 0.0
+    shown = evidence.replicates and not evidence.misspecified and explained > 0.0
     return Support.FINDING if shown and left <= MAX_UNEXPLAINED_RATIO * explained else Support.POSSIBLE_CAUSE
 
 
@@ -101,5 +101,5 @@ def attribution_of(report: DiagnosisReport) -> Support | None:
     squares = explained_by_first(report)
     if report.first is None or squares is None or not report.verdict.adds:
         return None
-    describes, elsewhere = report.verdict == Verdict.EFFECT_DESCRIBES, report.first.name in report.elsewhere
-    return support_of(*squares, Evidence(describes=describes, replicates=report.replicates, elsewhere=elsewhere))
+    describes, misspecified = report.verdict == Verdict.EFFECT_DESCRIBES, report.first.name in report.misspecified
+    return support_of(*squares, Evidence(describes=describes, replicates=report.replicates, misspecified=misspecified))

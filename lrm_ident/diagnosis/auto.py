@@ -73,12 +73,12 @@ class AutoRun(ShownInNotebook):
     @property
     def attributions(self) -> tuple[StepAttribution, ...]:
         """Attributions of the steps after the start: whether each shows a cause (mean squares in m²)."""
-        present, elsewhere = {effect.name for effect in self.model.effects}, self.report.elsewhere
+        present, misspecified = {effect.name for effect in self.model.effects}, self.report.misspecified
         evidence = [
             replace(
                 step.evidence,
                 of_present=bool(present & {*step.evidence.refines}),
-                elsewhere=step.added in elsewhere,
+                misspecified=step.added in misspecified,
             )
             for step in self.steps[1:]
         ]

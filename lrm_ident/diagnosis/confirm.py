@@ -15,10 +15,10 @@ from lrm_ident.diagnosis.candidate_trial import CandidateTrial, Refit, refit_tri
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
 from lrm_ident.diagnosis.judgement import Verdict
-from lrm_ident.diagnosis.place_test import acting_elsewhere
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.replication import replicates
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.diagnosis.specification_test import misspecified_effects
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_squares
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
@@ -79,15 +79,15 @@ class ConfirmedDiagnosis:
         return replicates(self.diagnosis.screening, self.first, self.diagnosis.equivalent[self.first.name])
 
     @cached_property
-    def elsewhere(self) -> tuple[str, ...]:
-        """Causes of the model, and the effect to add, whose quantity moves the arm elsewhere, too (`place_test`)."""
+    def misspecified(self) -> tuple[str, ...]:
+        """Causes of the model, and the effect to add, that fail the specification test of their place."""
         diagnosis = self.diagnosis
         plain = (one for one in diagnosis.fit.model.effects if one.names_a_cause and not one.is_free_form)
         present = [one.name for one in plain if one.id not in DEFAULT_EFFECTS]
-        found = acting_elsewhere(diagnosis.fit, diagnosis.data, present)
+        found = misspecified_effects(diagnosis.fit, diagnosis.data, present)
         if self.first is None or self.refit is None or self.describes:
             return found
-        return (*found, *acting_elsewhere(self.refit.fit, diagnosis.data, [self.first.name]))
+        return (*found, *misspecified_effects(self.refit.fit, diagnosis.data, [self.first.name]))
 
     @property
     def share(self) -> float:

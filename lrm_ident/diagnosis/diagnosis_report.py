@@ -90,7 +90,7 @@ class DiagnosisReport(ShownInNotebook):
         share: of the held-out mean square above the noise that the first candidate takes away.
         patterns: of the residual, without a name. hints: patterns of the estimates, which are no effects.
         replicates: whether the first candidate is chosen in both halves of the data.
-        elsewhere: causes of the model, and the first candidate, whose quantity moves the arm elsewhere, too.
+        misspecified: causes of the model, and the first candidate, whose quantity moves the arm elsewhere, too.
         indistinguishable: of effects of the model (`effect@place`), those that the poses could not distinguish from
             them when they were added.
         beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.
@@ -108,7 +108,7 @@ class DiagnosisReport(ShownInNotebook):
     patterns: ResidualPatterns
     hints: tuple[str, ...]
     replicates: bool = True
-    elsewhere: tuple[str, ...] = ()
+    misspecified: tuple[str, ...] = ()
     beside: str = ""
     indistinguishable: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -184,7 +184,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         patterns=patterns,
         hints=parameter_hints(diagnosis.fit),
         replicates=confirmed.replicates,
-        elsewhere=confirmed.elsewhere,
+        misspecified=confirmed.misspecified,
     )
 
 

@@ -18,7 +18,7 @@ class Evidence:
         share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
         describes: whether it only describes (`ConfirmedDiagnosis.describes`).
         replicates: whether it was chosen in both halves of the data.
-        elsewhere: whether what it follows moves the arm elsewhere, too (`place_test`).
+        misspecified: whether what it follows moves the arm elsewhere, too (`specification_test`).
     """
 
     equivalent: tuple[str, ...] = ()
@@ -28,7 +28,7 @@ class Evidence:
     share: float = 0.0
     describes: bool = False
     replicates: bool = True
-    elsewhere: bool = False
+    misspecified: bool = False
 
 
 NO_EVIDENCE = Evidence()

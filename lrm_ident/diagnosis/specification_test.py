@@ -1,9 +1,11 @@
-"""Test of an effect's place: whether what it follows moves the arm elsewhere, too; then its place is not identified.
+"""Specification test (Ramsey 1969) of an effect's place: does what it follows move the arm elsewhere, too?
+
+Then its place is not identified.
 
 A cause that the catalogue lacks is imitated by an effect that follows the same quantity at another place: a bearing
 that nods by a coupling of the next joint, a cable that drags a joint by friction in the joint before it. What is not
 imitated still follows that quantity. So functions of it at every other slot of the chain are tried beside the effect,
-as a regression is tried with functions of its own terms (specification test, Ramsey 1969), and judged as effects are.
+as a regression is tried with functions of its own terms, and judged as effects are.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ HARMONICS = (1, 2)
 TYPICAL_ANGLE, TYPICAL_SHIFT = 0.02, 1e-3  # rad, m
 
 
-def acting_elsewhere(fitted: Fit, data: Measurements, names: Collection[str]) -> tuple[str, ...]:
+def misspecified_effects(fitted: Fit, data: Measurements, names: Collection[str]) -> tuple[str, ...]:
     """Those of a model's effects (`effect@place`) whose quantity moves the arm at another slot, too.
 
     Of effects that move one slot alone; others act at several places anyway, and are not tested.
@@ -50,7 +52,8 @@ def acting_elsewhere(fitted: Fit, data: Measurements, names: Collection[str]) ->
         moved = motions[slot].T[:, :, None] * followed[:, None, :] * sizes[slot]
         return weigh(moved.reshape(-1, followed.shape[1]))
 
-    def acts_elsewhere(one: BoundEffect) -> bool:
+    def misspecified(one: BoundEffect) -> bool:
+        """Whether functions of what it follows explain more at another slot, significantly and at unseen poses."""
         followed, own = _followed(one, part), one.slots[0]
         beside = linear.beside(linear.project(columns(own, followed)))
         others = [slot for slot in range(len(motions)) if slot != own and motions[slot].any()]
@@ -62,7 +65,7 @@ def acting_elsewhere(fitted: Fit, data: Measurements, names: Collection[str]) ->
             for after in beside.explain_each(tried)
         )
 
-    return tuple(one.effect.name for one in bound if acts_elsewhere(one))
+    return tuple(one.effect.name for one in bound if misspecified(one))
 
 
 def _followed(one: BoundEffect, fitted: Fit) -> Array:

@@ -154,9 +154,9 @@ class ModelReport:
         if self.diagnosis is None or story is None or not story.held_out:
             return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if one.describes else None for one in known)
         little = [takes_little(fall.rms_mm, fall.before_rms_mm, floor) for fall in story.later]
-        elsewhere = cast(tuple[str, ...], self.diagnosis.values["acts_elsewhere"])
+        misspecified = cast(tuple[str, ...], self.diagnosis.values["misspecified"])
         known = [
-            replace(one.evidence, describes=one.evidence.describes or so, elsewhere=one.name in elsewhere)
+            replace(one.evidence, describes=one.evidence.describes or so, misspecified=one.name in misspecified)
             for one, so in zip(self.cards, little, strict=True)
         ]
         steps = [(fall.explained, one) for fall, one in zip(story.later, known, strict=True)]

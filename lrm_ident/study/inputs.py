@@ -80,8 +80,8 @@ def read_study(
         notices += (f"as in the model's fit: {how}",)
     here, left_out = model_for_data(loaded, measured.path, measured.sha256)
     anchored = with_set_up(here, measured)
-    decided = decided_parameters(file, anchored, catalogue)
-    weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), decided)
+    parameters = effective_parameters(file, anchored, catalogue)
+    weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), parameters)
     return Study(
         anchored,
         weighed,
@@ -94,9 +94,10 @@ def read_study(
     )
 
 
-def decided_parameters(file: ModelFile, model: Model, catalogue: Catalogue) -> float:
-    """How many of a model's free parameters the data of its fit decided: of each the share of its prior's variance that
-    they removed (MacKay 1992); a bound decides the others."""
+def effective_parameters(file: ModelFile, model: Model, catalogue: Catalogue) -> float:
+    """Effective number of parameters (MacKay 1992) of a model as its file states it: of each free one the share of its
+    prior's variance that the data of its fit removed. One at its bound counts as decided by the prior.
+    """
     prior = prior_of_file(file, model, catalogue)
     if prior is None:
         return float(len(model.free))

@@ -50,7 +50,7 @@ class ArmState:
 class PowerOn:
     """Power-on session of the servos.
 
-    `name`: another whenever they were switched on anew. `ago`: since when they have power (s). `temperature`: of the
+    `name`: another whenever they were switched on anew. `ago`: how long they have had power (s). `temperature`: of the
     hottest then (degC). None where that is not known.
     """
 

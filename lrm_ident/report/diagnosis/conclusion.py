@@ -285,7 +285,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         if not report.replicates:
             return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
-        if first.name in report.elsewhere:
+        if first.name in report.misspecified:
             return f"only a candidate cause: {ELSEWHERE}.{rivals}"
         if explained <= 0.0:
             return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"

@@ -237,9 +237,9 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     for step in named("indistinguishable cause"):
         others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
-    elsewhere = course.report.elsewhere
+    also = dict.fromkeys(course.report.misspecified, ALSO)
     ratios = [
-        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in elsewhere else ''})"
+        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{also.get(step.added, '')})"
         for step, one, explained in steps
         if one.kind == Support.POSSIBLE_CAUSE
     ]

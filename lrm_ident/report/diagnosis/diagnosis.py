@@ -67,7 +67,7 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         "share_of_excess": report.share,
         "unexplained_per_explained": None if squares is None else unexplained_ratio(*squares),
         "unexplained_mean_square_mm2": unexplained_mean_square(report) * 1e6,
-        "acts_elsewhere": report.elsewhere,
+        "misspecified": report.misspecified,
         "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],

@@ -25,7 +25,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.residual.error_breakdown import HeldOutResidual
-from lrm_ident.study.inputs import decided_parameters
+from lrm_ident.study.inputs import effective_parameters
 from lrm_ident.study.model_history import model_file
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM, load_arm
@@ -320,7 +320,7 @@ def test_what_a_prior_decides_is_no_error_of_the_model(seed: int) -> None:
     assert found.fit.effective_parameters < 0.8 * len(found.fit.model.free)
     assert found.data.model_sd < 1e-4
     file = model_file(found.fit, found.data, HeldOutResidual(None), "so101", StepName(FIT), prior=TYPICAL)
-    decided = decided_parameters(file, found.fit.model, CATALOGUE)
+    decided = effective_parameters(file, found.fit.model, CATALOGUE)
     assert decided == pytest.approx(found.fit.effective_parameters, abs=0.1)
 
 

@@ -66,7 +66,7 @@ steps = st.tuples(
         describes=st.booleans(),
         of_present=st.booleans(),
         replicates=st.booleans(),
-        elsewhere=st.booleans(),
+        misspecified=st.booleans(),
     ),
 )
 Course = list[tuple[float, Evidence]]
@@ -81,7 +81,7 @@ def test_attributions_of_any_sequence_of_steps(course: Course, left: float) -> N
         assert one.unexplained == pytest.approx(left + sum(max(taken, 0.0) for taken in no_cause))
         assert (one.kind == "description") == step.describes
         assert one.kind != "finding" or one.unexplained <= MAX_UNEXPLAINED_RATIO * explained
-        assert one.kind != "finding" or (step.replicates and not step.elsewhere and explained > 0.0)
+        assert one.kind != "finding" or (step.replicates and not step.misspecified and explained > 0.0)
 
 
 whole = st.tuples(st.integers(-1, 30).map(float), steps.map(lambda step: step[1]))
@@ -112,10 +112,12 @@ def test_no_larger_set_of_steps_would_show_causes(course: Course, left: int) -> 
             assert not holds or chosen <= found
 
 
-def report(before: float, after: float, noise: float, replicates: bool = True, elsewhere: tuple[str, ...] = ()) -> Any:
+def report(
+    before: float, after: float, noise: float, replicates: bool = True, misspecified: tuple[str, ...] = ()
+) -> Any:
     """A diagnosis whose effect to add, `one`, takes the held-out RMS (m) from `before` to `after`."""
     return SimpleNamespace(
-        verdict=Verdict.EFFECT_MISSING, replicates=replicates, elsewhere=elsewhere,
+        verdict=Verdict.EFFECT_MISSING, replicates=replicates, misspecified=misspecified,
         first=SimpleNamespace(name="one", held_out_rms=after), held_out=SimpleNamespace(rms=before),
         diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=noise)), patterns=None,
     )  # fmt: skip
@@ -125,11 +127,11 @@ def report(before: float, after: float, noise: float, replicates: bool = True, e
 @example(1.0, 1.02, 1.5, True, False)  # the tip's error rises while weighted squares fall
 @example(1.0, 1.0, 1.0, True, False)
 def test_diagnose_and_auto_say_the_same_of_one_effect(
-    before: float, after: float, noise: float, half: bool, elsewhere: bool
+    before: float, after: float, noise: float, half: bool, misspecified: bool
 ) -> None:
     explained, left = before**2 - after**2, max(after**2 - noise**2, 0.0)
-    [step] = attribute_steps([(explained, Evidence(replicates=half, elsewhere=elsewhere))], left)
-    found = report(before, after, noise, half, ("one",) if elsewhere else ())
+    [step] = attribute_steps([(explained, Evidence(replicates=half, misspecified=misspecified))], left)
+    found = report(before, after, noise, half, ("one",) if misspecified else ())
     assert explained_by_first(found) == (explained, left)
     assert attribution_of(found) == step.kind
     assert step.kind == Support.POSSIBLE_CAUSE or explained > 0.0

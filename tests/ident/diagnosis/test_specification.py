@@ -9,7 +9,7 @@ import pytest
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.place_test import acting_elsewhere
+from lrm_ident.diagnosis.specification_test import misspecified_effects
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
@@ -36,7 +36,7 @@ def fitted(folder: Path, seed: int, name: str, *hidden: HiddenEffect) -> tuple[F
 @pytest.mark.parametrize(("name", "hidden"), [(LAG, DRAGGED), (COUPLED, NODS)])
 def test_what_acts_at_another_place_is_seen(tmp_path: Path, name: str, hidden: HiddenEffect) -> None:
     """Before: friction of the joint before was the identified cause, or a coupling."""
-    assert acting_elsewhere(*fitted(tmp_path, 1, name, hidden), [name]) == (name,)
+    assert misspecified_effects(*fitted(tmp_path, 1, name, hidden), [name]) == (name,)
 
 
 @pytest.mark.parametrize("seed", seeds(2, 8))
@@ -51,17 +51,17 @@ def test_what_acts_at_another_place_is_seen(tmp_path: Path, name: str, hidden: H
 )
 def test_an_effect_where_it_acts_passes(tmp_path: Path, seed: int, name: str, hidden: tuple[HiddenEffect, ...]) -> None:
     """Also beside another cause that follows something else."""
-    assert not acting_elsewhere(*fitted(tmp_path, seed, name, *hidden), [name])
+    assert not misspecified_effects(*fitted(tmp_path, seed, name, *hidden), [name])
 
 
 def test_effects_that_move_several_slots_are_not_tested(tmp_path: Path) -> None:
     name = "base_compliance@base"
     fit, data = fitted(tmp_path, 3, name, NODS)
-    assert not acting_elsewhere(fit, data, [name, "offsets@joint1", "backlash@joint1"])
-    assert not acting_elsewhere(fit, data, [])
+    assert not misspecified_effects(fit, data, [name, "offsets@joint1", "backlash@joint1"])
+    assert not misspecified_effects(fit, data, [])
 
 
 def test_the_order_of_poses_does_not_matter_to_an_angle(tmp_path: Path) -> None:
     fit, data = fitted(tmp_path, 1, COUPLED, NODS)
     rows = np.random.default_rng(0).permutation(len(data))
-    assert acting_elsewhere(fit.take(rows), data.take(rows), [COUPLED]) == (COUPLED,)
+    assert misspecified_effects(fit.take(rows), data.take(rows), [COUPLED]) == (COUPLED,)

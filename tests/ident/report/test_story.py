@@ -101,14 +101,14 @@ def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp
     assert "identified cause" in labels[3]
 
 
-@pytest.mark.parametrize("elsewhere", [(), ("servo_gain@joint1",)])
-def test_auto_says_which_candidates_act_elsewhere(elsewhere: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("misspecified", [(), ("servo_gain@joint1",)])
+def test_auto_says_which_candidates_act_elsewhere(misspecified: tuple[str, ...]) -> None:
     steps = [None, SimpleNamespace(added="servo_gain@joint1", evidence=Evidence())]
-    attributions, report = [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)], SimpleNamespace(elsewhere=elsewhere)
+    attributions, report = [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)], SimpleNamespace(misspecified=misspecified)
     course: Any = SimpleNamespace(steps=steps, attributions=attributions, explained=[1.0], report=report)
     words = " ".join(map(str, attribution_blocks(course)))
     assert words.startswith("Candidate causes: servo_gain@joint1 (0.1")
-    assert ("acts elsewhere" in words) == bool(elsewhere)
+    assert ("acts elsewhere" in words) == bool(misspecified)
 
 
 def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
@@ -118,7 +118,7 @@ def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
         steps=[None, SimpleNamespace(added=one, evidence=Evidence((other,)))],
         attributions=[StepAttribution("finding", 0.0)],
         explained=[1.0],
-        report=SimpleNamespace(elsewhere=(), diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),
+        report=SimpleNamespace(misspecified=(), diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),
     )
     words = " ".join(map(str, attribution_blocks(course)))
     assert f"Indistinguishable with these poses: {one}, or {other}" in words
