@@ -54,14 +54,15 @@ def test_it_boots_arms_moves_and_tells_of_it(harness: DaemonHarness) -> None:
     assert harness.pulses() == []
     with harness.rover.control("test"):
         harness.arm()
-        harness.rover.move({"joint1": 0.1, "joint5": -0.05}, {"joint1": 0.05})
+        harness.rover.move({"joint1": 0.1, "joint5": -0.05}, {"joint1": 0.05}, wait=False)
+        modes = ["arming", "armed", "moving", "armed"]
+        wait_for(lambda: [event.detail["mode"] for event in told if event.code == "mode"] == modes, "it is there")
     numbers = [state.seq for state in seen]  # before anything is asked: replies count too
     assert harness.rover.joints().q_rad[0] == pytest.approx(0.05, abs=1e-4)
     servo = harness.config.servos[0]
     true = harness.board.ask("status")["pulse_us"]
     assert isinstance(true, list)
     assert true[servo.channel] == pytest.approx(servo.pulse_ns(0.05) / 1000, abs=harness.config.clock.count_s * 1e6)
-    assert [event.detail["mode"] for event in told if event.code == "mode"] == ["arming", "armed", "moving", "armed"]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     span = (seen[-1].t_mono_ns - seen[0].t_mono_ns) / SECOND
     assert 40 <= (len(seen) - 1) / span <= 55
