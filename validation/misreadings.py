@@ -29,6 +29,7 @@ ELSEWHERE = {"lrm-lab": "lrm-rover", "so101": "two-joint", "ur5": "lrm-lab"}
 KINDS = (
     *("unit", "radians", "mirrored", "swapped", "turned", "frame", "sign", "order", "arm"),
     *("shuffled angles", "unsigned angles", "constant angles", "shuffled coordinate"),
+    *("parallelogram", "differential", "from the base"),
 )
 LENGTH_UNITS = {"metres": 1e-3, "inches": 1.0 / 25.4, "micrometres": 1e3}
 STIFFNESS = {"ur5": 3e-3}
@@ -137,6 +138,16 @@ def _changes(
     shuffled = tcp.copy()
     shuffled[:, axis] = rng.permutation(tcp[:, axis])
     yield "shuffled coordinate", (f"{'xyz'[axis]} does not belong", q, shuffled)
+    before = int(rng.integers(MOVING - 1))
+    after, motors = before + 1, q.copy()
+    motors[:, after] += q[:, before]
+    yield "parallelogram", (f"joint {after + 1} looks counted together with that of joint {before + 1}", motors, tcp)
+    motors = q.copy()
+    motors[:, [before, after]] = np.stack([q[:, before] - q[:, after], q[:, before] + q[:, after]], axis=1)
+    yield "differential", (f"joints {before + 1} and {after + 1} look like those of the two motors", motors, tcp)
+    absolute = q.copy()
+    absolute[:, 1:MOVING] = np.cumsum(q[:, 1:MOVING], axis=1)
+    yield "from the base", (f"joints 3 to {MOVING} look counted from the base", absolute, tcp)
 
 
 def _of_another_arm(name: str, seed: int) -> MisreadCase:

@@ -62,12 +62,14 @@ def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
     """Joint angles as read, in another unit, with other signs, in another order, from another zero.
 
     In another unit with other signs or in another order, too: who exports from a program has its conventions, not one.
+    As motors count that move two joints together.
     """
     yield read
     units = list(_other_units(read))
     yield from units
     yield from _servo_units(read, arm)
     yield from _other_zeros(read, arm)
+    yield from _coupled_joints(read)
     for unit in (read, *(other for other in units if other.reading.angle_unit != read.reading.angle_unit)):
         yield from other_signs(unit)
         yield from _other_orders(unit)
@@ -114,6 +116,35 @@ def _other_zeros(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
         for rule in conventions(arm):
             words = f"the joint angles look counted from {rule.words}"
             yield replace(read.also(words, COMPOUND, f"convert them: {rule.formula(arm)}"), q=rule.applied(read.q))
+
+
+def _coupled_joints(read: Hypothesis) -> Iterator[Hypothesis]:
+    """Angles of motors or encoders that count several joints together: a parallelogram linkage, a differential.
+
+    A fit takes the joints as those of a serial arm afterwards: a torque bends each at its own spring.
+    """
+    n, serial = read.q.shape[1], "the fit takes the springs as those of a serial arm"
+    for first, joint in combinations(range(n), 2):
+        a, b, qa, qb = f"q{first + 1}", f"q{joint + 1}", read.q[:, first], read.q[:, joint]
+        words = f"the angle of joint {joint + 1} looks counted together with that of joint {first + 1}"
+        for told, angles in ((f"{b} - {a}", qb - qa), (f"{b} + {a}", qb + qa),
+                             (f"-{b} - {a}", -qb - qa), (f"-{b} + {a}", qa - qb)):  # fmt: skip
+            remedy = f"write {told} into the column of {b} (a parallelogram linkage?); {serial}"
+            yield read.also(words, COMPOUND, remedy).with_joint(joint, angles)
+        words = f"the angles of joints {first + 1} and {joint + 1} look like those of the two motors of a differential"
+        both, apart = (f"({b} + {a}) / 2", 0.5 * (qb + qa)), (f"({b} - {a}) / 2", 0.5 * (qb - qa))
+        for one, other in ((both, apart), (apart, both)):
+            remedy = f"write {one[0]} into the column of {a}, {other[0]} into that of {b}; {serial}"
+            yield read.also(words, COMPOUND, remedy).with_joint(first, one[1]).with_joint(joint, other[1])
+        if joint > first + 1:
+            words = (
+                f"the angles of joints {first + 2} to {joint + 1} look counted from the base, not from the link before"
+            )
+            remedy = f"subtract from each the angle of the joint before, as recorded; {serial}"
+            relative = read.also(words, FREE, remedy)
+            for k in range(first + 1, joint + 1):
+                relative = relative.with_joint(k, read.q[:, k] - read.q[:, k - 1])
+            yield relative
 
 
 def _one_joint(read: Hypothesis, joint: int, unit: str, factor: float) -> Hypothesis:
