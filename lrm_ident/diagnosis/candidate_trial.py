@@ -62,9 +62,13 @@ class Refit:
         return error_stats(self.held_out)
 
     def predicts_no_worse(self, other: Refit) -> bool:
-        """Whether its held-out mean square is no larger than another's, in the session and as deployed."""
+        """Whether its held-out mean square in the session is no larger than another's."""
+        return bool(self.squares.mean() <= other.squares.mean())
+
+    def deploys_no_worse(self, other: Refit) -> bool:
+        """Whether its held-out mean square as deployed is no larger than another's."""
         deployed, others = ((deployed_residual(refit.blocks) ** 2).sum() for refit in (self, other))
-        return bool(self.squares.mean() <= other.squares.mean() and deployed <= others)
+        return bool(deployed <= others)
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,9 +38,9 @@ POSES = 40
 Patch = pytest.MonkeyPatch
 
 
-def scored(name: str, alone: float = 1.0) -> Any:
+def scored(name: str, alone: float = 1.0, part: ModelPart = ModelPart.ARM) -> Any:
     """A candidate that alone leaves so much of the mean square."""
-    effect = SimpleNamespace(is_free_form=False, variant_of=(), depends_on=("q",), name=name)
+    effect = SimpleNamespace(is_free_form=False, variant_of=(), depends_on=("q",), name=name, part=part)
     candidate = SimpleNamespace(effect=effect, priority="")
     return SimpleNamespace(
         name=name, implausible=None, candidate=candidate, alone=SimpleNamespace(held_out=np.full(POSES, alone))
@@ -77,7 +77,9 @@ def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
     assert set(found.refused) == {"first"}
 
 
-def leading(patch: Patch, large: tuple[float, float], small: tuple[float, float]) -> str:
+def leading(
+    patch: Patch, large: tuple[float, float], small: tuple[float, float], part: ModelPart = ModelPart.ARM
+) -> str:
     """Which leads, the effect or a special case of it, by the squares that each leaves refitted, in the
     session and as deployed."""
 
@@ -86,7 +88,7 @@ def leading(patch: Patch, large: tuple[float, float], small: tuple[float, float]
         block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, deployed_residual=carried)
         return candidate_trial.Refit(SimpleNamespace(), (block,))  # type: ignore[arg-type]
 
-    first, member = scored("large"), scored("small")
+    first, member = scored("large", part=part), scored("small", part=part)
     trials = {
         "large": candidate_trial.CandidateTrial(refit(*large)),
         "small": candidate_trial.CandidateTrial(refit(*small)),
@@ -104,6 +106,12 @@ def test_a_special_case_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> 
     assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.6)) == "small"
     assert leading(monkeypatch, (0.5, 0.6), (0.51, 0.6)) == "large"
     assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.61)) == "large"
+
+
+def test_of_two_errors_of_the_tracker_the_session_decides(monkeypatch: Patch) -> None:
+    """The points that it moved lie further from the arm, the more of that is the tracker's."""
+    assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.9), ModelPart.MEASUREMENT) == "small"
+    assert leading(monkeypatch, (0.5, 0.6), (0.51, 0.6), ModelPart.MEASUREMENT) == "large"
 
 
 def fitted(at_bound: tuple[str, ...] = ()) -> Any:
