@@ -35,8 +35,8 @@ class ScaleUncertainty:
         """What stays open, and what would decide it."""
         return (
             f"known to ± {1e3 * self.sd:.2g} mm/m along all axes together, ± {1e3 * self.at_tip:.2g} mm at the "
-            f"deployed tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may err "
-            "by more. No pose distinguishes it from longer links. A known length does: measure some distances, too "
+            f"deployed tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may "
+            "err by more. No pose distinguishes it from longer links. A known length does: measure some distances, too "
             "(distance_mm), with a string or a ball bar."
         )
 
