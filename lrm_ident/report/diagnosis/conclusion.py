@@ -42,7 +42,7 @@ STOPGAP = "or, without new poses"
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
-ELSEWHERE = "what it follows also moves the arm elsewhere, so the cause may be another"
+OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
@@ -286,7 +286,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         if not report.replicates:
             return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
         if first.name in report.misspecified:
-            return f"only a candidate cause: {ELSEWHERE}.{rivals}"
+            return f"only a candidate cause: {OTHERWISE}.{rivals}"
         if explained <= 0.0:
             return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"
         return (

@@ -63,6 +63,7 @@ def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_e
     assert abs(common - SCALE / 3.0) < 2.0 * found.sd
     assert found.sd > 5e-4
     assert "distance_mm" in found.sentence
+    assert "mostly its prior (typical: 0.33 mm/m)" in found.sentence, "its interval misses a worse tracker's scale"
     assert scale_caveat("measurement_frame@frame", fit) == found.sentence
     assert not scale_caveat("frame_curve@frame", fit)  # said at the step that brought it, not again
 
