@@ -21,6 +21,7 @@ from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.doors.servos_door import CampaignDoor, campaign_over_bus
+from tests.doors.simulated_follower import GoalKeepingServo
 from tests.ident.measuring.feetech.test_feetech_servos import BusLine, line_of
 
 ARM = load_arm("so101")
@@ -89,16 +90,6 @@ class TorqueByRegisterServo(FeetechServo):
         super().write(address, data)
         if not address <= table.TORQUE_ENABLE.address < address + len(data):
             table.TORQUE_ENABLE.write(self.memory, before)
-
-
-class GoalKeepingServo(FeetechServo):
-    """One whose firmware goes on to its last goal when torque comes on."""
-
-    def write(self, address: int, data: bytes) -> None:
-        goal = table.GOAL_POSITION.read(self.memory)
-        super().write(address, data)
-        if not address <= table.GOAL_POSITION.address < address + len(data):
-            table.GOAL_POSITION.write(self.memory, goal)
 
 
 @pytest.mark.parametrize("kind", [FeetechServo, TorqueByRegisterServo, GoalKeepingServo])
