@@ -194,6 +194,7 @@ def _reset(s: ControllerState, _: ResetRequest, now: int) -> RequestResult:
     s.faults.clear()
     if s.report.outputs:  # else there may be pulses that another ramp left: an order of none would let the arm fall
         s.orders.stop(now, s.report.outputs)
+        thermal_protection.after_reset(s)
     return RequestResult()
 
 

@@ -68,7 +68,8 @@ class ControllerState:
     `fallen`: servos without pulses whose position is not known.
     `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`,
     `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last
-    motion to rest, and `rest_blocked` while its path is not free.
+    motion to rest, `rest_blocked` while its path is not free, and `reset_at`: motions that had begun at a reset after
+    which none was asked for yet; None otherwise.
     """
 
     def __init__(
@@ -107,6 +108,7 @@ class ControllerState:
         self.gravity = KnownGravity(config)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None
+        self.reset_at: int | None = None
         self.rest_tried_at, self.rest_blocked = now, False
 
     def angles(self, pulses: Sequence[int]) -> list[float]:
