@@ -119,13 +119,18 @@ def test_what_is_written_while_locked_is_lost_with_the_power() -> None:
     assert read(bus, 1, table.POSITION) == 2048 + 100
 
 
-def test_no_shaft_moves_without_torque_or_when_torque_comes() -> None:
+def test_no_shaft_moves_when_torque_comes_and_a_goal_brings_it() -> None:
     bus = bus_of(1)
-    write(bus, 1, table.GOAL_POSITION, 3000)
+    servo = bus.servos[0]
+    table.GOAL_POSITION.write(servo.memory, 3000)
     bus.advance(5.0)
     write(bus, 1, table.TORQUE_ENABLE, 1, now=5.0)
     bus.advance(10.0)
-    assert bus.servos[0].angle == 0.0
+    assert servo.angle == 0.0
+    servo.power_cycle()
+    write(bus, 1, table.GOAL_POSITION, 3000, now=10.0)
+    bus.advance(15.0)
+    assert (servo.powered, servo.angle) == (True, pytest.approx((3000 - 2048) * STEP))
 
 
 @given(st.integers(0, 4095), st.lists(st.floats(0.001, 0.3), max_size=10))
