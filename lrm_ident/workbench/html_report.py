@@ -74,12 +74,7 @@ MAIN = """<div class="lrm-hero">
 {numbers}
 </div>"""
 MARKED = '<p class="lrm-soft" id="lrm-marked"></p>\n'
-START = """
-document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
-lrmTheme.follow(lrm.theme);
-lrm.show(lrmValues);
-lrmGlossary(document.querySelector(".lrm-numbers"));
-"""
+START = 'lrm.show(lrmValues);\nlrmGlossary(document.querySelector(".lrm-numbers"));'
 
 
 def standalone_page(
