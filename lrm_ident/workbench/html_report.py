@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -145,10 +146,10 @@ def html_report(found: ModelReport) -> str:
 def numbers_html(found: ModelReport) -> str:
     """All tables of a report, each section folded."""
     sections = {
-        "Details of the diagnosis": blocks_html(found.diagnosis.whole if found.diagnosis else ()),
+        "Details of the diagnosis": blocks_html(found.diagnosis.details if found.diagnosis else ()),
         "Details of the comparison": blocks_html(found.comparison.whole if found.comparison else ()),
-        "Steps": table_html(history_table(found.file)),
+        "Steps": table_html(replace(history_table(found.file), title="")),
         "Parameters": table_html(found.parameters),
-        "Where the model comes from": table_html(provenance_table(found.file)),
+        "Where the model comes from": table_html(replace(provenance_table(found.file), title="")),
     }
     return "".join(section_html(title, text) for title, text in sections.items())
