@@ -11,7 +11,8 @@ from lrm_ident.workbench.html_report import plain_page
 CONTROLS = """<label>sorted and coloured by <select id="lrm-tag"></select></label>
 <span>a column is an arm, in all figures; click one to mark it</span>
 """
-MISSING, NONE_MISSING = "Which effect is missing in which arm", "<p>No arm has an effect beyond the plain model.</p>"
+MISSING = "Which effect is missing in which arm"
+NONE_MISSING = '<p id="lrm-effects">No arm has an effect beyond the plain model.</p>'
 FIGURES = {
     "Error of the tip, nominal and identified": '<div id="lrm-errors" class="lrm-figure medium"></div>',
     MISSING: """<p class="lrm-soft">beside each name: in how many of the arms that could

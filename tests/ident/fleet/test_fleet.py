@@ -76,6 +76,7 @@ def test_the_page_in_a_browser(browser: Any, identified: tuple[Path, str]) -> No
         for figure in ("errors", "parameter"):
             page.wait_for_selector(f"#lrm-{figure} .main-svg", state="attached")
         assert "No arm has an effect" in page.inner_text("#lrm-effects")
+        assert "beside each name" not in page.inner_text("main"), "words on a figure that is not there"
         assert page.input_value("#lrm-key") == SOFT
         assert page.text_content("#lrm-parameter .annotation") == f"arm{ODD}"
         page.evaluate(f"lrmFleet.mark({ODD})")

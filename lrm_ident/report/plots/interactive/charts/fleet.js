@@ -64,7 +64,7 @@ const lrmFleet = (() => {
 
   function drawEffects() {
     const names = state.values.effects, box = place("effects");
-    if (!box) return;
+    if (!names.length) return;
     box.style.height = `${90 + ROW_PX * Math.max(names.length, 2)}px`;
     const size = Math.max(4, Math.min(11, 0.6 * box.clientWidth / state.values.arms.length));
     const row = new Map(names.map((one, k) => [one.name, k]));
