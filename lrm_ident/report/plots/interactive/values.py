@@ -213,7 +213,6 @@ def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str
         "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),
-        "rivals": [plain_name(name) for name in advice["indistinguishable_from"]],
         "estimates": [
             f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
             for key, one in advice["parameters"].items()

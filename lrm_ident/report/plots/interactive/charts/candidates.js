@@ -67,7 +67,6 @@ function lrmCandidates(page) {
     const { cause, formula, needs, source } = one.about, about = [cause, formula, needs && `Shown by ${needs}.`, source].filter(Boolean);
     return lrmHtml`<p>${one.why}</p>
       <p class="lrm-soft">${one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently."}</p>
-      ${one.rivals.length ? lrmHtml`<p class="lrm-soft">These poses cannot distinguish it from ${one.rivals.join(", ")}.</p>` : ""}
       <details class="lrm-soft lrm-explain"><summary>Explain</summary>${about.map((text) => lrmHtml`<p>${text}</p>`)}</details>
       <details class="lrm-soft"><summary>${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}</summary><p>${one.estimates.join(", ")}</p></details>`;
   }
