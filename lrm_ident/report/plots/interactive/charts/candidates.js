@@ -19,7 +19,7 @@ function lrmCandidates(page) {
   function drawAdded(one) {
     const v = state.values, rows = page.points(), last = v.steps[v.steps.length - 1].residual;
     const extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
-    const traces = AXES.map((axis, k) => dots("along " + axis, rows.map((row) => one.added[row][k]), rows.map((row) => last[row][k]),
+    const traces = AXES.map((axis, k) => dots(axis, rows.map((row) => one.added[row][k]), rows.map((row) => last[row][k]),
       { opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) }, { ...poseOf(rows), hovertemplate: "%{text}<extra></extra>" }));
     traces.push(line("all explained", [-extent, extent], [-extent, extent], { color: colour("ink"), dash: "dash", width: 1.5 }));
     draw("added", traces, { xaxis: titled("motion that it would add, mm"), yaxis: titled("residual of the fit, mm") }, wireScatter);
