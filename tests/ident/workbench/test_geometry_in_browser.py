@@ -27,6 +27,7 @@ TITLE = """(() => {
 })()"""
 """Title of the scene, and the px beside it."""
 LEGEND = "[...document.querySelectorAll('#lrm-card-1 .legendtext')].map((one) => one.textContent)"
+LONGEST = "[...lrm.state.values.ranking].sort((a, b) => b.title.length - a.title.length)[0].name"
 HINTS = "[...document.querySelectorAll('.lrm-menu-list [data-name] .q-btn__content div')].map((one) => one.innerText)"
 PLACES = """(() => {
   const [head, framed, card] = ["header.lrm-head", ".lrm-toured", ".lrm-tour"].map((one) =>
@@ -92,6 +93,11 @@ def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: Run
         assert faults_of_geometry(page) == [], width
         assert page.evaluate(NO_WIDER), width
         assert min(page.evaluate(FIELD)) > 240, "the field is squeezed"
+        first = page.evaluate("lrm.state.candidate")
+        page.evaluate(f"lrm.choose({LONGEST})")
+        settle(page, SETTLED_MS)
+        assert faults_of_geometry(page) == [], "an effect with a long name"
+        page.evaluate(f"lrm.choose('{first}')")
         page.click("#lrm-menu summary")
         hints = page.evaluate(HINTS)
         assert len(hints) == 14

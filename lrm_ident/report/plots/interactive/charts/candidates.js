@@ -56,7 +56,7 @@ function lrmCandidates(page) {
     ];
     if (one && state.step === v.steps.length - 1) {
       const times = size(), says = binned(at(driver.values, sample), at(one.turns[state.joint], sample).map((y) => y === null ? y : times * y));
-      traces.push(line(`what ${one.title} would explain`, says.x, says.y, { color: colour("held"), width: 3, dash: "dash" },
+      traces.push(line("what the chosen effect would explain", says.x, says.y, { color: colour("held"), width: 3, dash: "dash" },
         { ...marks, marker: { symbol: "diamond", size: 7 } }));
     }
     const beyond = seen.beyond ? ` (${seen.beyond} beyond)` : "", y_title = `turn of joint ${state.joint + 1}, deg${beyond}`;
