@@ -49,6 +49,7 @@ header { display: flex; flex-wrap: wrap; gap: 4px 16px; align-items: center; } h
 .medium { height: 380px; }
 @media (max-width: 500px) {
   header { flex-wrap: wrap; } header h1 { flex: 1; } header p { order: 1; flex-basis: 100%; font-size: 12px; }
+  header .lrm-controls:has(label) { order: 2; }
 }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper header p { margin: 3px 0; }

@@ -100,6 +100,10 @@ def test_the_page_fits_every_screen(browser: Any, identified: tuple[Path, str], 
             assert page.evaluate("document.documentElement.dataset.theme") == scheme
             settle(page, 500)
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+            if width == 390:
+                top = "document.querySelector('header {}').getBoundingClientRect().top"
+                verdict, controls = (page.evaluate(top.format(one)) for one in (".verdict", ".lrm-controls"))
+                assert verdict < controls, "what was found, before what can be chosen"
             mark = page.evaluate("document.querySelector('#lrm-parameter .annotation').getBoundingClientRect().right")
             assert mark <= page.evaluate("document.getElementById('lrm-parameter').getBoundingClientRect().right")
             shot(page, f"fleet-{scheme}-{width}.png", full_page=True)

@@ -5,6 +5,7 @@ const lrmMotion = (() => {
   let values = null;
 
   const draw = (id, traces, more) => lrmChart.draw(place(id), traces, { dragmode: "zoom", ...more });
+  const BELOW = { margin: { l: 64, r: 8, t: 8, b: 8 } }; // time is at the same place in charts below each other
 
   function drawSteps() {
     const steps = values.steps;
@@ -24,9 +25,9 @@ const lrmMotion = (() => {
     draw("path", [
       line(move.told, "command", colour("line"), { width: 1, shape: "hv" }), dots(values.read, x, move.read, { color: colour("ink"), size: 4 }),
       line(move.before, "predicted before", colour("held")), line(move.after, "predicted after", colour("model")),
-    ], { xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } });
+    ], { ...BELOW, xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } });
     draw("left", [line(move.left[0], "before", colour("held")), line(move.left[1], "after", colour("model"))],
-      { xaxis: { ...time, title: { text: "time in the move, s" } }, yaxis: { title: { text: `reading − prediction, ${values.unit}` } } });
+      { ...BELOW, xaxis: { ...time, title: { text: "time in the move, s" } }, yaxis: { title: { text: `reading − prediction, ${values.unit}` } } });
   }
 
   function redraw() {
