@@ -29,6 +29,7 @@ from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.effects.targets import FRAME_PLACE
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
+DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = (
     "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
@@ -401,7 +402,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
 def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[NextStep]:
     """The next steps after a verdict without an effect to add."""
     if report.verdict == Verdict.NOTHING_MISSING:
-        yield NextStep(report.hint, f"lrm deploy {model}", VERIFY)
+        yield NextStep(DEPLOY, f"lrm deploy {model}", VERIFY)
         export = f"lrm-ident arm export {model} -o arm.urdf"
         yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
