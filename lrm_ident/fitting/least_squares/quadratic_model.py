@@ -141,7 +141,7 @@ class QuadraticModel:
 
     def _shortened(self, trial: Iterate) -> Iterate:
         """The trial, or, if lower, the minimum of a parabola along the step where that is much shorter (quadratic
-        interpolation, Nocedal & Wright 2006, section 3.5): a step may go too far where the model's curvature is wrong."""
+        interpolation, Nocedal & Wright 2006, section 3.5): a step goes too far where the model lacks curvature."""
         change, slope = trial.z - self.iterate.z, self.predicted_decrease(trial)
         gain = self.value(self.iterate) - self.value(trial)
         if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):

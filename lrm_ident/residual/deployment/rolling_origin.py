@@ -6,6 +6,7 @@ A cross-validation interpolates in time. What goes on after a session is predict
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -43,6 +44,7 @@ def changes_too_late(effect: Effect, model: Model, data: Measurements) -> bool:
     return any(np.count_nonzero(np.array(number) > step) < FEWEST for step in steps)
 
 
+@lru_cache(maxsize=2)  # a diagnosis compares every candidate of a session with the same fit
 def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
     """(M,), squared errors (m²) of the last quarter of the poses, predicted as deployed by fits to those before.
 
