@@ -7,6 +7,7 @@ A cross-validation interpolates in time. What goes on after a session is predict
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -60,6 +61,7 @@ class Forecasts:
         return min(self.followed, self.unknown, key=lambda squares: float(squares.mean()))
 
 
+@lru_cache(maxsize=2)  # a diagnosis compares every candidate of a session with the same fit
 def rolling_origin_forecasts(fitted: Fit, data: Measurements) -> Forecasts:
     """Forecasts of the last quarter of the poses. The tracker still errs as it did.
 
