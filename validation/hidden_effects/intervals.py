@@ -81,7 +81,7 @@ def true_parameters(hidden: HiddenEffect, arm: ArmDescription, q: Array) -> dict
             return {f"session.joint{joint}.step{i}_rad": step for i, step in enumerate(steps[1:], start=2)}
         case SkewTracker():
             return _stretch(np.eye(3) + hidden.measurement_error(np.eye(3) + hidden.centre_m).T)
-        case ViscoelasticJoint(joint, compliance) | PromptReading(joint, compliance):
+        case ViscoelasticJoint(joint, compliance, (_,)) | PromptReading(joint, compliance):
             return {f"creep.joint{joint}.k_rad_per_Nm": compliance}
         case ViscoelasticBase((about_x, about_y)):
             return {"creep.base.k_x_rad_per_Nm": about_x, "creep.base.k_y_rad_per_Nm": about_y}

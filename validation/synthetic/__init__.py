@@ -15,7 +15,6 @@ from .hidden_joints import (
     CablePull,
     CoupledJoint,
     EccentricShaft,
-    EntangledJoint,
     FastClock,
     FormulaJoint,
     HardeningSpring,
@@ -24,7 +23,6 @@ from .hidden_joints import (
     SharedCable,
     SoftPlay,
     ToothRipple,
-    UnequalPlay,
 )
 from .hidden_links import (
     AxialFloat,
@@ -37,7 +35,6 @@ from .hidden_links import (
     TiltingBearing,
 )
 from .hidden_memory import (
-    CreepingJoint,
     DahlLoop,
     FrictionLag,
     JointSlip,
@@ -45,7 +42,6 @@ from .hidden_memory import (
     StickSlip,
     TwoStageWarmUp,
     WarmUp,
-    WeatherLag,
 )
 from .hidden_tracker import SkewTracker
 from .statics import TrueState
@@ -58,13 +54,11 @@ __all__ = [
     "CablePull",
     "CommandedPoses",
     "CoupledJoint",
-    "CreepingJoint",
     "DahlLoop",
     "Dataset",
     "Deviations",
     "EccentricShaft",
     "EndLoad",
-    "EntangledJoint",
     "FastClock",
     "FormulaJoint",
     "FrictionLag",
@@ -89,9 +83,7 @@ __all__ = [
     "ToothRipple",
     "TrueState",
     "TwoStageWarmUp",
-    "UnequalPlay",
     "WarmUp",
-    "WeatherLag",
     "WrongBody",
     "WrongLoad",
     "base_displacement_to_deviations",

@@ -28,10 +28,8 @@ from validation.synthetic import (
     BaseWarmUp,
     CablePull,
     CoupledJoint,
-    CreepingJoint,
     DahlLoop,
     EccentricShaft,
-    EntangledJoint,
     FastClock,
     FormulaJoint,
     FrictionLag,
@@ -54,12 +52,11 @@ from validation.synthetic import (
     TiltingBearing,
     ToothRipple,
     TwoStageWarmUp,
-    UnequalPlay,
     WarmUp,
-    WeatherLag,
     WrongBody,
     WrongLoad,
     base_displacement_to_deviations,
+    even_schedule,
     measure,
     random_poses,
     true_state,
@@ -74,7 +71,6 @@ OF_SIZE_ZERO = [
     CablePull(1, 1, -1.0, 0.0, 2.0),
     CoupledJoint(3, 2, 0.0, 1.5),
     EccentricShaft(2, 0.0, 1.0),
-    EntangledJoint(3, (1, 4), 0.0, "sum"),
     FastClock(0.0, 2.6),
     FrictionLag(1, 0.0, 0.1),
     HardeningSpring(2, 0.0, 0.1),
@@ -93,7 +89,6 @@ OF_SIZE_ZERO = [
     HingedLink(2, 0.1, (0.0, 0.0)),
     LiftingBase((1.0, 0.0, 0.0), 0.0, 0.1, 0.05),
     TiltingBearing(2, 0.0, 0.1),
-    CreepingJoint(2, 0.0, 60.0),
     DahlLoop(1, 0.0, 0.5),
     FormulaJoint(2, 0.0, "np.sin(q[1] + tau) * side"),
     ToothRipple(2, 5, 0.0, 0.3),
@@ -101,8 +96,6 @@ OF_SIZE_ZERO = [
     SharedCable((2, 4), 0.5, 0.0),
     StickSlip(1, 0.0, 0.0, 1.0),
     TwoStageWarmUp(2, (0.0, 0.0), (500.0, 3000.0)),
-    UnequalPlay(2, 0.0, 0.0, 0.1),
-    WeatherLag(2, 0.0, 3000.0, 600.0),
 ]
 PLACE = re.compile(
     r"(backlash|hysteresis|servo_gain|eccentricity|nonlinear_stiffness|cable_spring)@joint[1-6]"
@@ -263,15 +256,26 @@ def test_a_cable_pulls_back_where_it_is_tight(arm: ArmDescription, stiff: Ground
     np.testing.assert_allclose(state.joints_rad[:, 3], 0.08 * state.tau_nm[:, 3], atol=1e-12)
 
 
-def test_coupled_and_entangled_joints_follow_the_others(arm: ArmDescription, stiff: GroundTruth) -> None:
+def test_coupled_joint_follows_the_other(arm: ArmDescription, stiff: GroundTruth) -> None:
     q = random_poses(arm, 20, 6)
     coupled = angles(arm, stiff, CoupledJoint(3, 2, 0.02, 1.5), q)
     np.testing.assert_allclose(coupled[:, 2], 0.03 * np.sin(q[:, 1] / 1.5))
-    total = angles(arm, stiff, EntangledJoint(3, (1, 4), 0.02, "sum"), q)
-    np.testing.assert_allclose(total[:, 2], 0.02 * np.sin(q[:, 0] + q[:, 3]))
-    product = angles(arm, stiff, EntangledJoint(3, (1, 4), 0.02, "product"), q)
-    np.testing.assert_allclose(product[:, 2], 0.02 * np.sin(q[:, 0]) * np.sin(q[:, 3]))
-    for extra in (coupled, total, product):
+    assert not np.delete(coupled, 2, axis=1).any()
+
+
+def test_a_formula_knows_angles_ways_torques_side_load_and_time(arm: ArmDescription, stiff: GroundTruth) -> None:
+    q, plan = random_poses(arm, 20, 6), even_schedule(20, 6)
+    tau = true_state(arm, stiff, q, 0.05).tau_nm
+    way = np.diff(q, axis=0, prepend=0.0)
+    for formula, values in {
+        "q[1] * q[4]": q[:, 0] * q[:, 3],
+        "way[2]": way[:, 1],
+        "side": np.sign(way[:, 2]),
+        "tau + torque[2]": tau[:, 2] + tau[:, 1],
+        "load_kg * time_s": 0.05 * plan.time_s,
+    }.items():
+        extra = angles(arm, stiff, FormulaJoint(3, 1e-6, formula), q)
+        np.testing.assert_allclose(extra[:, 2], 1e-6 * values, rtol=1e-3, atol=1e-12)
         assert not np.delete(extra, 2, axis=1).any()
 
 

@@ -21,7 +21,6 @@ from validation.hidden_effects.tables import faults, memories, section
 from validation.hidden_effects.unforeseen import BLIND_CASES
 from validation.proofs.hidden_effects import rows as proof_rows
 from validation.synthetic import (
-    CreepingJoint,
     DahlLoop,
     GroundTruth,
     HardStop,
@@ -29,7 +28,6 @@ from validation.synthetic import (
     LinkBending,
     StickSlip,
     TwoStageWarmUp,
-    UnequalPlay,
     even_schedule,
     load_arm,
     random_poses,
@@ -37,7 +35,7 @@ from validation.synthetic import (
 from validation.synthetic.hidden_effect import CommandedPoses, EndLoad, HiddenEffect, JointLoad
 from validation.synthetic.hidden_joints import BeltPolygon
 from validation.synthetic.hidden_links import GlareSpot, WalkingBase
-from validation.synthetic.hidden_memory import FanCycles, SlippingClutch
+from validation.synthetic.hidden_memory import FanCycles, SlippingClutch, ViscoelasticJoint
 from validation.synthetic.hidden_tracker import FoamMat, StereoSteps
 from validation.synthetic.screws import Array
 
@@ -56,11 +54,6 @@ def joint_load(q: Array, tau: Array) -> JointLoad:
 
 def angle_error(effect: HiddenEffect, q: Array, tau: Array | None = None) -> Array:
     return np.asarray(effect.added_angles(joint_load(q, np.zeros(len(q)) if tau is None else tau))[:, 0])
-
-
-def test_unequal_play_has_two_widths() -> None:
-    found = angle_error(UnequalPlay(1, 0.02, 0.005, 0.03), np.zeros(3), np.array([5.0, 0.0, -5.0]))
-    np.testing.assert_allclose(found, [0.02, 0.0, -0.005])
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -82,7 +75,7 @@ def test_a_joint_sticks_in_small_moves() -> None:
 
 def test_creep_follows_a_step_with_its_time_constant() -> None:
     tau = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
-    found = angle_error(CreepingJoint(1, 0.1, 15.0), np.zeros(5), tau)
+    found = angle_error(ViscoelasticJoint(1, 0.1, (15.0,)), np.zeros(5), tau)
     np.testing.assert_allclose(found, [0.0, 0.0, *(0.1 * (1.0 - np.exp([-1.0, -2.0, -3.0])))])
 
 

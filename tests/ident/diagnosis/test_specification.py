@@ -16,14 +16,13 @@ from lrm_ident.fitting.model_fit import fit_model
 from lrm_math.effects import effects_at
 from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
-from validation.synthetic import CoupledJoint, FrictionLag, HiddenEffect
-from validation.synthetic.hidden_joints import StuckBit
+from validation.synthetic import CoupledJoint, FormulaJoint, FrictionLag, HiddenEffect
 from validation.synthetic.hidden_links import WobblingTurntable
-from validation.synthetic.hidden_memory import RoutedBowden
 
 LAG, COUPLED = "hysteresis@joint2", "coupling@joint2<-joint1"
 POSES, NOISE = 150, 3e-4
-DRAGGED, NODS = RoutedBowden(3, 2, 0.0105), WobblingTurntable(0.007)
+DRAGGED, NODS = FormulaJoint(3, 0.0105, "-np.tanh(way[2] / 0.1)"), WobblingTurntable(0.007)
+STUCK_BIT = FormulaJoint(4, 0.02, "np.floor(q[4] / 0.02) % 2.0")
 
 
 def fitted(folder: Path, seed: int, name: str, *hidden: HiddenEffect) -> tuple[Fit, Measurements]:
@@ -45,7 +44,7 @@ def test_what_acts_at_another_place_is_seen(tmp_path: Path, name: str, hidden: H
     [
         (LAG, (FrictionLag(2, 0.02, 0.01),)),
         (COUPLED, (CoupledJoint(2, 1, 0.02, 1.5),)),
-        (LAG, (FrictionLag(2, 0.02, 0.01), StuckBit(4, 0.02))),
+        (LAG, (FrictionLag(2, 0.02, 0.01), STUCK_BIT)),
         (LAG, ()),
     ],
 )
