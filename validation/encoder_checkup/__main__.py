@@ -13,13 +13,12 @@ from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_math.arm.arm_file import load_arm
 from validation.encoder_checkup.teleoperation import (
     CAUSES,
-    VERSIONS,
     FollowingArm,
     ailing_arm,
     recorded,
     sound_arm,
-    write_dataset,
 )
+from validation.lerobot_dataset import VERSIONS, write_dataset
 
 OFFSETS_DEG = (17.0, 2.0, None, None)
 DWELL_S = 0.5

@@ -18,13 +18,11 @@ from tests.support.commands import stderr_of, stdout_of
 from validation.encoder_checkup.__main__ import named
 from validation.encoder_checkup.teleoperation import (
     CAUSES,
-    VERSIONS,
-    Recording,
     ailing_arm,
     recorded,
     sound_arm,
-    write_dataset,
 )
+from validation.lerobot_dataset import VERSIONS, Recording, write_dataset
 
 pytestmark = pytest.mark.long
 
