@@ -12,11 +12,11 @@ from functools import cache
 
 import numpy as np
 
-from validation.encoder_checkup.teleoperation import described_so101
 from validation.lerobot_dataset import FPS, Recording, encoder_readings
 from validation.synthetic import ArmDescription, GroundTruth
 from validation.synthetic.chain import TrueChain, forward_kinematics, zero_configuration
 from validation.synthetic.screws import Array
+from validation.teleoperation import described_so101
 
 JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
 STEP_S, LOADS_EVERY = 0.001, 10

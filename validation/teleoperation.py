@@ -115,4 +115,4 @@ def _torque(q_deg: Array) -> Array:
 @cache
 def described_so101() -> ArmDescription:
     """As the independent generator reads it."""
-    return load_arm(Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml")
+    return load_arm(Path(__file__).resolve().parents[1] / "config" / "arms" / "so101.toml")
