@@ -77,7 +77,6 @@ OF_SIZE_ZERO = [
     OneSidedGain(1, 1, 0.0, 0.1),
     SessionStep(1, (0.0, 0.0)),
     JointSlip(2, 0.0, 400.0),
-    JointSlip(2, 0.0, 400.0),
     SkewTracker(NONE, NONE, NONE),
     SoftPlay(2, 0.0, 0.04),
     WarmUp(2, 0.0, 1000.0),
