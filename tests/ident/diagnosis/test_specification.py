@@ -18,15 +18,14 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
-from validation.synthetic import CommandedPoses, CoupledJoint, FrictionLag, HiddenEffect, WarmUp
+from validation.synthetic import CommandedPoses, CoupledJoint, FormulaJoint, FrictionLag, HiddenEffect, WarmUp
 from validation.synthetic.hidden_effect import JointError
-from validation.synthetic.hidden_joints import StuckBit
 from validation.synthetic.hidden_links import WobblingTurntable
-from validation.synthetic.hidden_memory import RoutedBowden
 
 LAG, COUPLED, DRIFT = "hysteresis@joint2", "coupling@joint2<-joint1", "drift@joint2"
 POSES, NOISE = 150, 3e-4
-DRAGGED, NODS = RoutedBowden(3, 2, 0.0105), WobblingTurntable(0.007)
+DRAGGED, NODS = FormulaJoint(3, 0.0105, "-np.tanh(way[2] / 0.1)"), WobblingTurntable(0.007)
+STUCK_BIT = FormulaJoint(4, 0.02, "np.floor(q[4] / 0.02) % 2.0")
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ def test_a_passing_zero_that_follows_the_angle_is_another_cause(tmp_path: Path) 
     [
         (LAG, (FrictionLag(2, 0.02, 0.01),)),
         (COUPLED, (CoupledJoint(2, 1, 0.02, 1.5),)),
-        (LAG, (FrictionLag(2, 0.02, 0.01), StuckBit(4, 0.02))),
+        (LAG, (FrictionLag(2, 0.02, 0.01), STUCK_BIT)),
         (LAG, ()),
         (DRIFT, (WarmUp(2, 0.02, 1500.0),)),
         (DRIFT, (WarmUp(2, 0.02, 1500.0), CoupledJoint(3, 2, 0.01, 1.5))),
