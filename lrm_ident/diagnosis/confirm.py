@@ -65,7 +65,8 @@ class ConfirmedDiagnosis:
     @property
     def deployed(self) -> DeployedError:
         """Held-out error of the model as it is deployed."""
-        return DeployedError.of(self.diagnosis.fit.model, self.diagnosis.data.poses, self.blocks)
+        diagnosis = self.diagnosis
+        return DeployedError.of(diagnosis.fit.model, diagnosis.data.poses, self.blocks, diagnosis.outliers_together)
 
     @property
     def first(self) -> ScoredCandidate | None:

@@ -32,6 +32,7 @@ from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.noise_floor import NoiseFloor
+from lrm_ident.residual.regime import outlier_regimes
 from lrm_ident.residual.residual_structure import ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
@@ -99,8 +100,8 @@ class Diagnosis:
         return tuple(scored for scored in self.selected if scored.name not in self.unexplained.spurious)
 
     @cached_property
-    def outlier_distances(self) -> dict[int, float]:
-        """Distance (m) between measured and predicted TCP of each pose left out, here or in the model's fit, by number.
+    def outlier_residuals(self) -> dict[int, Array]:
+        """(3,), m, measured less predicted TCP of each pose left out, here or in the model's fit, by number.
 
         Without rows that look shifted, poses without a measured position, and poses without an equilibrium.
         """
@@ -110,9 +111,25 @@ class Diagnosis:
         if not len(left_out):
             return {}
         equilibrium, rows = batch_equilibrium(self.fit.model, left_out.poses)
-        distance = np.linalg.norm(left_out.tcp[rows] - equilibrium.tcp, axis=1)
-        distances = zip(left_out.pose[rows].tolist(), distance.tolist(), strict=True)
-        return {number: far for number, far in distances if np.isfinite(far)}
+        residuals = zip(left_out.pose[rows].tolist(), left_out.tcp[rows] - equilibrium.tcp, strict=True)
+        return {number: residual for number, residual in residuals if np.isfinite(residual).all()}
+
+    @property
+    def outlier_distances(self) -> dict[int, float]:
+        """Norms of the `outlier_residuals` (m)."""
+        return {number: float(np.linalg.norm(residual)) for number, residual in self.outlier_residuals.items()}
+
+    @cached_property
+    def outliers_together(self) -> Array:
+        """(M, 3), m, residuals of the outliers that lie together (`outlier_regimes`): there the arm errs, not the
+        measurement."""
+        residuals = self.outlier_residuals
+        left_out = self.data.complete.take(np.isin(self.data.complete.pose, [*residuals, *self.data.pose]))
+        outliers = np.isin(left_out.pose, [*residuals])
+        clusters = outlier_regimes(left_out, np.ones(len(left_out)), outliers)
+        places = [one.rows for one in clusters if one.quantity.kind != "order"]
+        inside = outliers & np.any(places, axis=0) if places else np.zeros(len(left_out), dtype=np.bool_)
+        return np.array([residuals[number] for number in left_out.pose[inside].tolist()]).reshape(-1, 3)
 
     @property
     def verdict(self) -> Verdict:

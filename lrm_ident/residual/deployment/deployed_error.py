@@ -16,6 +16,8 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import StateAfterSession
 
+NO_RESIDUAL: Array = np.empty((0, 3))
+
 
 @dataclass(frozen=True)
 class DeployedError:
@@ -35,11 +37,19 @@ class DeployedError:
     state: StateAfterSession | None = None
 
     @classmethod
-    def of(cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock]) -> DeployedError:
-        """The error of a model that was cross-validated at these poses."""
-        error = cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, poses))
+    def of(
+        cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock], left_out: Array = NO_RESIDUAL
+    ) -> DeployedError:
+        """The error of a model that was cross-validated at these poses.
+
+        `left_out`: (M, 3), m, residual at poses that its fits left out although the arm errs there: it counts.
+        """
+        rows = rows_as_deployed(model, poses)
+        kept = deployed_residual(blocks)
+        error = cls.of_residual(np.concatenate([kept, left_out]), np.append(rows, len(kept) + np.arange(len(left_out))))
         unknown = time_unknown_residual(blocks)
-        return replace(error, state=model.state, time_unknown=None if unknown is None else error_stats(unknown))
+        restarted = None if unknown is None else error_stats(np.concatenate([unknown, left_out]))
+        return replace(error, state=model.state, time_unknown=restarted)
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:

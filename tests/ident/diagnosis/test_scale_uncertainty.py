@@ -116,6 +116,10 @@ def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, see
     assert set(report.diagnosis.outlier_distances) <= set(
         report.patterns.pose[report.patterns.regimes[0].rows].tolist()
     )
+    squares = np.square([*report.diagnosis.outlier_distances.values()])
+    all_poses = np.sqrt((squares.sum() + (300 - len(squares)) * report.held_out.rms**2) / 300)
+    assert report.deployed.now.rms == pytest.approx(all_poses, rel=0.02), "the arm errs there, too, once deployed"
+    assert report.held_out.rms < 0.8 * report.deployed.now.rms
 
 
 @pytest.mark.long
@@ -128,6 +132,7 @@ def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_pat
     report = diagnosed(model, replace(data, tcp=data.tcp + far))
     assert report.diagnosis.outlier_distances
     assert not report.patterns.regimes
+    assert report.deployed.now == report.held_out
     assert report.verdict == "nothing_missing"
 
 
