@@ -183,7 +183,6 @@ def auto(
         time = TimeOfParts(FOLDS if cluster else processes_for(FOLDS))
         try:
             with (
-                kept_when_interrupted(output, taken),
                 executor_for(cluster, effects_file, FOLDS) as pool,
                 timed(time, None if nested else UNASKED_S) as shown,
             ):
@@ -191,6 +190,8 @@ def auto(
         except TakesLonger as longer:
             least = in_minutes(longer.expected)
             whole = NestedResidual(None, f"it would take at least {least}; ask for it with --nested")
+        except KeyboardInterrupt:
+            whole = NestedResidual(None, "skipped by Ctrl-C; ask for it with --nested")
     final = final.with_course(course, whole)
     final.save(output)
     names, with_field = names_of(study, output, data), None if field_of(final.model) is None else final.errors

@@ -30,10 +30,11 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
     angles = np.zeros(arm.dof) if q is None else q
     settled = solve_equilibrium(model_of(arm, ()), poses_of(angles))
     torque, tcp = settled.joint_torque[0], settled.tcp[0] / MM
+    at = "at zero" if not angles.any() else "at " + ", ".join(f"{angle:g}°" for angle in np.degrees(angles))
     joints = ResultTable(
         ("joint", "name", "lower_deg|.1f", "upper_deg|.1f", "torque_Nm|.3f"),
         [_joint_row(*entry, torque) for entry in arm.chain_order],
-        f"{arm.name}: {arm.dof} joints; gravity's torque on each",
+        f"{arm.name}: {arm.dof} joints; gravity's torque on each {at}",
     )
     links = ResultTable(("link", *DIMENSIONS), [_link_row(arm, i) for i in range(len(arm.links))])
     frames = arm.frame_names
@@ -41,7 +42,6 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         ("body", "mass_g|.1f", "com_x_mm|.2f", "com_y_mm|.2f", "com_z_mm|.2f", "frame", "loads joint|d"),
         [(b.name, b.mass / GRAM, *(c / MM for c in b.com), frames[b.frame], b.loads_joint) for b in arm.bodies],
     )
-    at = "at zero" if q is None else "at " + ", ".join(f"{angle:g}°" for angle in np.degrees(angles))
     x, y, z = tcp.tolist()
     blocks: list[Block] = [joints, *_lines(arm, f"{at}: {x:.2f}, {y:.2f}, {z:.2f}", difference)]
     values = {
@@ -70,7 +70,7 @@ def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
     if parallel:
         yield f"(Nearly) parallel axes: {'; '.join(parallel)}."
     if not mass:
-        yield "No mass: gravity loads nothing, so that no compliance can be found."
+        yield "No mass: the model will not sag under the arm's own weight. State mass_g and com_mm of its bodies."
     if difference is not None:
         yield f"Largest difference from the URDF's own kinematics at random poses: {difference:.1g} (m, rad)."
 

@@ -10,7 +10,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import groupby, product
 from types import MappingProxyType
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
@@ -37,6 +37,8 @@ OF_A_ROBOT = {"": ANGLE, "action": ANGLE, "observationstate": FEEDBACK, "observa
 """Our columns by what stands before the joints' own names: LeRobot's commands, and what its encoders read."""
 BEFORE_JOINTS, SIDES = ("main_", "arm_", "follower_"), ("left_", "right_", "left_arm_", "right_arm_")
 """What stands before the names of the joints of one arm, and of one of two."""
+MISSED = (("payload_g", "load"), ("t_s", "time"), ("session", "session"))
+"""Quantities without which a model is another one, so that a file that has them by other names has to be told."""
 UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "cm": "cm", "centimeter": "cm", "centimeters": "cm",
@@ -110,15 +112,32 @@ def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
     """Columns that are not used, and those that are read under another name or in another unit."""
     names = {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
     unknown = [name for name in table.header if name and name not in names]
-    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
+    absent = [f"a {what} '{name}'" for name, what in MISSED if name in names and name not in table.header]
+    hint = f"; name {' and '.join(absent)}, if it is there" if absent else ""
+    notices = [f"columns not used: {', '.join(unknown)}{hint}"] if unknown else []
     taken = [
-        f"{own.name} = '{own.stated}'" + ("" if own.factor == 1.0 else f" times {own.factor:.6g}")
+        own
         for own in table.columns
         if own.name in names
         and own.name != own.stated
         and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
     ]
-    return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
+    return [*notices, f"read as: {', '.join(_taken_for(taken))}"] if taken else notices
+
+
+def _taken_for(columns: Sequence[Column]) -> Iterator[str]:
+    """What columns were taken for; of columns that differ by their number alone the first and the last."""
+    for (_, _, factor), each in groupby(
+        columns, lambda own: (_unnumbered(own.name), _unnumbered(own.stated), own.factor)
+    ):
+        alike = list(each)
+        ends = [alike[0], *alike[1:][-1:]]
+        names, stated = " … ".join(own.name for own in ends), " … ".join(f"'{own.stated}'" for own in ends)
+        yield f"{names} = {stated}" + ("" if factor == 1.0 else f" times {factor:.6g}")
+
+
+def _unnumbered(name: str) -> str:
+    return re.sub(r"\d+", "#", name)
 
 
 def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:

@@ -19,7 +19,7 @@ from lrm_ident.data.measurement_file.known_columns import (
     commanded_quantities,
     measured_quantities,
 )
-from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed, without_lost
+from lrm_ident.data.measurement_file.measured_columns import out_of_reach, read_feedback, with_sensed, without_lost
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
@@ -49,7 +49,8 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
 def read_measured(
     path: Path, arm: Arm, reading: Reading, usual: Reading | None
 ) -> tuple[Measurements, tuple[tuple[int, FileError], ...]]:
-    """Measurements as `load_measurements` reads them, and pose and error of each joint angle beyond the limits.
+    """Measurements as `load_measurements` reads them, and pose and error of each joint angle beyond the limits, and
+    of each position beyond the arm's reach.
 
     Raises `FileError`.
     """
@@ -84,7 +85,7 @@ def read_measured(
     sensed = without_lone(sensed) if touched.touched else without_lost(sensed)
     if np.linalg.det(said.rotation) < 0 and sensed.attitude is not None:
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-    beyond = tuple((int(data.pose[row]), error) for row, error in table.beyond)
+    beyond = tuple((int(data.pose[row]), error) for row, error in (*table.beyond, *out_of_reach(arm, table)))
     return sensed.turned(said.rotation, said.translation), beyond
 
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.commanded_poses import pose_words
 from lrm_ident.data.measurement_file.conventions import Metadata
-from lrm_ident.data.measurement_file.number_table import NumberTable
+from lrm_ident.data.measurement_file.known_columns import POSITION
+from lrm_ident.data.measurement_file.number_table import MISTYPED, NumberTable, cell_error
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.weights.whitening import position_sd
@@ -161,6 +162,29 @@ def _noise(data: Measurements, sd: Array | None) -> Iterator[str]:
         yield f"{name} is {mm:.3g} mm: no tracker is so exact; were it in metres, it would be {mm * 1e3:.3g} mm"
     if sd is not None and data.noise_sd is not None:
         yield "noise_sd_mm of the file beside the data is not used: the column sd_mm says the noise of each position"
+
+
+def out_of_reach(arm: Arm, table: NumberTable) -> tuple[tuple[int, FileError], ...]:
+    """Row and error of each position that is farther from the others' median than twice the arm's length.
+
+    None where more than `MISTYPED` of the rows are: then their unit or frame is another one.
+    """
+    tcp = table["position"] if "position" in table else np.empty((0, 3))
+    seen, most = tcp[np.isfinite(tcp).all(axis=1)], 2.0 * reach(arm)
+    if not len(seen):
+        return ()
+    away = tcp - np.median(seen, axis=0)
+    rows = np.flatnonzero(np.linalg.norm(away, axis=1) > most).tolist()
+    if len(rows) > MISTYPED * len(table):
+        return ()
+    found = []
+    for row in rows:
+        axis, number = int(np.argmax(np.abs(away[row]))), table.integers("pose")[row]
+        what = f"the position is {np.linalg.norm(away[row]) / MM:.0f} mm from the others, and {arm.name} is "
+        what += f"{reach(arm) / MM:.0f} mm long"
+        right = f"correct it, or leave its pose out with --leave-out {number}"
+        found.append((row, cell_error(table.cells, row, POSITION[axis], what, right)))
+    return tuple(found)
 
 
 def without_lost(data: Measurements) -> Measurements:

@@ -33,6 +33,7 @@ from lrm_ident.data.registration.touched import in_frame_of_touches, misread_tou
 from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
+from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -84,13 +85,21 @@ def load_checked(
     read, beyond = read_measured(path, arm, reading, usual)
     chosen = part(read)
     data = chosen if read.touched else without_frozen(arm, chosen)
-    notices = _check(arm, data)
+    notices = (*_massless(arm), *_check(arm, data))
     for pose, error in beyond:
         if pose in chosen.pose:
             raise error
     found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
     check_attitude(arm, found)
     return found
+
+
+def _massless(arm: Arm) -> tuple[str, ...]:
+    """A notice where no body of the arm has a mass, as of a URDF without inertials: then other effects imitate sag."""
+    if total_mass(arm):
+        return ()
+    what = f"{arm.name} has no masses, so its model cannot sag under its own weight and other effects may imitate that"
+    return (f"{what}: state mass_g and com_mm of its bodies in the arm file, then fit again",)
 
 
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:

@@ -204,7 +204,8 @@ def read_lerobot(folder: Path, arm: Arm, frames: LeRobotFrames, dwell: float) ->
     command, feedback, t, episode = frames.command, frames.feedback, frames.t, frames.episode
     rests = list(frames.rests(dwell))
     if not rests:
-        raise LrmError(f"{folder}: the arm never rests for {dwell:g} s; record it standing still at each pose")
+        right = "state a shorter one (--dwell), or record the arm standing still at each pose"
+        raise LrmError(f"{folder}: the arm makes no stop of {dwell:g} s; {right}")
     scatter = float(np.sqrt(np.mean([feedback[rows].var(axis=0).mean() for rows in rests])))
     middle = np.array([rows[len(rows) // 2] for rows in rests])
     commanded, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))

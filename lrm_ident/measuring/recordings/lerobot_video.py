@@ -126,7 +126,7 @@ def measure_video(
     """
     name, rests = camera_named(dataset, camera), list(frames.rests(dwell))
     if not rests:
-        raise LrmError(f"{dataset}: the arm never rests for {dwell:g} s; stop for a moment now and then")
+        raise LrmError(f"{dataset}: the arm makes no stop of {dwell:g} s; state a shorter one (--dwell)")
     pictures = rest_pictures(dataset, name, frames, rests, progress)
     seen = read_pictures(pictures, lens)
     if not seen.rows:

@@ -13,8 +13,9 @@ import pytest
 
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.fitting import cross_validation
+from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
-from tests.support.commands import run_command, stdout_of
+from tests.support.commands import part_of_example, run_command, stdout_of
 from validation import synthetic
 
 
@@ -145,3 +146,18 @@ def test_help_teaches(command: str) -> None:
 def test_the_shipped_example_is_what_its_generator_makes(tmp_path: Path) -> None:
     for made in synthetic.write_example(tmp_path):
         assert made.read_text() == (EXAMPLE.parent / made.name).read_text()
+
+
+@pytest.mark.slow
+def test_ctrl_c_skips_the_nested_cross_validation_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before: it ended the command with exit code 130, and the conclusion was not printed."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Study, "nested_held_out", interrupted)
+    data, model = part_of_example(tmp_path), tmp_path / "model.toml"
+    stdout_of("fit", data, "--arm", "lrm-lab", "-o", model)
+    printed = stdout_of("auto", model, data, "-o", tmp_path / "best.toml", "--nested", "--max-effects", "1")
+    assert "skipped by Ctrl-C" in printed
+    assert "Next: " in printed

@@ -83,6 +83,27 @@ def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
         load_measurements(example(tmp_path, [[*row[:-3], "0", "0", "0"] for row in rows_of(20)]), lab)
 
 
+def test_a_position_that_no_tip_can_have_is_an_error_unless_its_pose_is_left_out(lab: Arm, tmp_path: Path) -> None:
+    """A decimal comma that was forgotten: the fit ran, and its error was 1.4 m."""
+    rows = rows_of(80)
+    rows[20][-3] = rows[20][-3].replace(".", "")
+    path = example(tmp_path, rows)
+    with pytest.raises(FileError, match=r"line 22, column x_mm: .* mm from the others.* --leave-out 21"):
+        load_checked(path, lab)
+    assert len(load_checked(path, lab, part=lambda data: data.without([21]))) == 79
+
+
+def test_an_arm_without_masses_is_said_with_its_measurements(lab: Arm, tmp_path: Path) -> None:
+    """The diagnosis of such an arm names cables for its sag, and nothing told that masses were missing."""
+    rows, bare = rows_of(80), replace(lab, bodies=())
+    poses = load_measurements(example(tmp_path, rows), lab).poses
+    for row, tcp in zip(rows, solve_equilibrium(model_of(bare, ()), poses).tcp, strict=True):
+        row[-3:] = [f"{value / MM:.4f}" for value in tcp]
+    path = example(tmp_path, rows)
+    assert not any("no masses" in words for words in load_checked(path, lab).notices)
+    assert any("no masses" in words for words in load_checked(path, bare).notices)
+
+
 @pytest.mark.long
 def test_a_fit_with_a_few_wrong_rows_says_how_to_leave_them_out(tmp_path: Path) -> None:
     rows = rows_of(120)

@@ -61,7 +61,8 @@ def test_what_is_no_such_dataset(tmp_path: Path) -> None:
     folder = written(tmp_path / "dataset", np.zeros((2, 5)), np.zeros((2, 5)))
     out = tmp_path / "poses.csv"
     assert "no joint 'joint1'" in stderr_of("import", "lerobot", folder, "--arm", "ur5", "-o", out)
-    assert "never rests for 60 s" in stderr_of("import", "lerobot", folder, "--dwell", "60", "-o", out)
+    refusal = stderr_of("import", "lerobot", folder, "--dwell", "60", "-o", out)
+    assert "no stop of 60 s; state a shorter one (--dwell)" in refusal
     info = folder / "meta" / "info.json"
     info.write_text(info.read_text().replace("v3.0", "v1.6"))
     assert "v1.6; v2.1 or v3.0" in stderr_of("import", "lerobot", folder, "-o", out)
