@@ -83,7 +83,7 @@ class Transfer:
     def file(self) -> ModelFile:
         """The model file. Its history begins with the transfer, if poses were measured."""
         if self.fit is not None and self.data is not None:
-            unknown = HeldOutResidual(None, "the installation was identified from few poses")
+            unknown = HeldOutResidual(None)
             return model_file(self.fit, self.data, unknown, self.arm, StepName(TRANSFER, self.start.bench))
         model, covariance = self.start.model, self.covariance
         units = np.array([model.parameter(key).si for key in covariance.keys])

@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from lrm_ident.data.wording import BLACK_BOX, UNSEEN, arrow, enumerate_words, in_mm
+from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm
 from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -21,8 +21,18 @@ from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
+from lrm_ident.report.text.claims import claim_sentence
+from lrm_ident.report.text.poses import limitation_sentence, where_measured
+from lrm_ident.report.text.residuals import (
+    BLACK_BOX,
+    predictable_brief,
+    regime_brief,
+    scale_sentence,
+    shifted_sentence,
+)
+from lrm_ident.report.text.variables import function_name
 from lrm_ident.residual.data_audit import where_it_holds
-from lrm_ident.residual.scale_uncertainty import scale_sentence
+from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, Effect, variants
@@ -129,7 +139,7 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     return Conclusion(
         headline=_of_the_rest(report, _headline(report, attribution)),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=(*hopeless, *report.limitations)[:REASONS] if tells_why and not quiet else (),
+        reasons=(*hopeless, *map(limitation_sentence, report.limitations))[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -186,25 +196,26 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     """Labelled facts; those without words are left out."""
     first = report.first
     if first is not None and attribution != Support.DESCRIPTION:
-        yield "estimate", first.claim
+        yield "estimate", "" if first.claim is None else claim_sentence(first.claim)
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     if report.beside:
         both = "only with both does the model surely predict later poses better"
         yield "add as well", f"{plain_name(report.beside)} ({report.beside}): {both}"
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
-    yield "tracker's scale", scale_sentence(fit)
+    yield "tracker's scale", scale_sentence(scale_uncertainty(fit))
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
     if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
-        yield "black-box model", report.patterns.predictable.brief
+        yield "black-box model", predictable_brief(report.patterns.predictable)
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", report.patterns.regimes[0].brief if report.patterns.regimes else ""
+    yield "where", regime_brief(report.patterns.regimes[0]) if report.patterns.regimes else ""
     yield "far off", " ".join(_far_poses(report))
-    yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
+    rows = map(shifted_sentence, report.diagnosis.shifted)
+    yield "rows", " ".join(f"{words[0].upper()}{words[1:]}." for words in rows)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
@@ -230,7 +241,8 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
 def valid_where(report: DiagnosisReport) -> str:
     """Angles and ranges at which the verdict holds; empty where the poses cover the arm's range."""
     limits = JointLimits.of(report.diagnosis.fit.model.arm)
-    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
+    parts = where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
+    return where_measured(parts)
 
 
 def _held_out(report: DiagnosisReport) -> str:
@@ -330,11 +342,11 @@ def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
 def _looks_like(report: DiagnosisReport) -> str:
     """The free function that explains most of an unexplained error, if it explains enough to be worth a word."""
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
-    named = {function.name: rms for function, rms in found.ranking}
-    best = found.functions[0].name if found.functions else next(iter(named), "")
-    if best not in named or 1.0 - (named[best] / held_out) ** 2 < PART:
+    left = dict(found.ranking)
+    best = found.functions[0] if found.functions else next(iter(left), None)
+    if best is None or best not in left or 1.0 - (left[best] / held_out) ** 2 < PART:
         return ""
-    return f"{best}, which leaves {in_mm(named[best])} mm"
+    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:

@@ -33,11 +33,6 @@ class ArrowScale:
     magnification: float
     largest: float
 
-    @property
-    def words(self) -> str:
-        """Caption of the picture."""
-        return f"arrows × {self.magnification:g}, colours to {self.largest * 1e3:g} mm: the same for all steps"
-
 
 @dataclass(frozen=True, eq=False)
 class FieldStep:
