@@ -27,21 +27,6 @@ from lrm_ident.residual.thresholds import MIN_GAIN
 
 WORDS = "lrm_ident.report.text.reasons"
 """The module above that writes reasons; it is looked up when a person asks, and not before."""
-NEXT_STEP: Mapping[Verdict, str] = {
-    Verdict.UNEXPLAINED_STRUCTURE: (
-        "Search for a formula. If you know the cause, write it as an effect: docs/effects.md"
-    ),
-    Verdict.UNPREDICTABLE: (
-        "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
-        "one that does not is a loose part, creep, or noise larger than stated."
-    ),
-    Verdict.NOTHING_MISSING: "Gives the model to lrmd; nothing moves yet. verify moves the arm.",
-    Verdict.NOISE_UNKNOWN: (
-        "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
-        "(noise_sd_mm), and diagnose again."
-    ),
-}
-"""Advice after a verdict that names no cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +72,7 @@ class RankedCandidate:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisReport(ShownInNotebook):
-    """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
+    """A diagnosis with its ranking and the limitations of the data.
 
     Attributes:
         fitted, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
@@ -108,7 +93,6 @@ class DiagnosisReport(ShownInNotebook):
     ranking: tuple[RankedCandidate, ...]
     share: float
     limitations: tuple[Limitation, ...]
-    hint: str
     patterns: ResidualPatterns
     hints: tuple[ParameterHint, ...]
     replicates: bool = True
@@ -184,7 +168,6 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data.poses, diagnosis.fit.equilibrium.joint_torque),
-        hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
         patterns=patterns,
         hints=parameter_hints(diagnosis.fit),
         replicates=confirmed.replicates,
@@ -229,17 +212,3 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         reason = Reason(ReasonKind.RESEMBLES, subject=function)
     deployed = None if refit is None else DeployedError.of(refit.fit.model, diagnosis.data.poses, refit.blocks)
     return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)
-
-
-def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:
-    """One sentence on which poses would distinguish the first supported effect, if any, from its equivalents."""
-    kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
-    names = [name for candidate in first for name in (candidate.name, *diagnosis.equivalent[candidate.name])]
-    if not names:
-        return "Repeat a few poses to know the noise, and measure in random order with two loads."
-    plain = [name for name in names if name in kinds]
-    needs = dict.fromkeys(kinds[name].about.needs for name in plain if kinds[name].about.needs)
-    what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
-    if len(names) > 1 or kinds[names[0]].is_free_form:
-        return f"Measure poses that distinguish the possible causes: {what}."
-    return "Add the best candidate, refit everything, and diagnose again."

@@ -13,13 +13,14 @@ from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL
 from lrm_ident.design.expected_lead import NEEDED, TRIALS, CausePair
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
-from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
+from lrm_ident.design.pose_design import CandidateSet, ClearAngles, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
+from lrm_ident.report.text.advice import candidates_words
 from lrm_ident.report.text.claims import with_unit
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.residual.data_audit import audit
@@ -77,6 +78,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
+    described = candidates_words(offer.origin) if isinstance(offer.origin, ClearAngles) else offer.origin
     limitations: list[str] = []  # poses that add to measured ones are audited with these
     if task.measured is None and task.prior is None:
         torque = solve_equilibrium(task.model, found.poses).joint_torque
@@ -95,14 +97,14 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     ]
     details: list[Block] = [
         *gains[1:],
-        f"Candidates: {offer.description}.",
+        f"Candidates: {described}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
         _error_table(found),
     ]
     values = {
         "candidates": len(offer.poses),
-        "candidates_in_words": offer.description,
+        "candidates_in_words": described,
         "refused": offer.rejected,
         "poses": len(found.rows),
         "repeats": repeats,

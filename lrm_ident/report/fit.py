@@ -17,12 +17,12 @@ from lrm_ident.fitting.prior_conflict import unusual_dimensions
 from lrm_ident.report.document import Block, CommandLine, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.text.notices import fit_words
 from lrm_ident.report.text.residuals import predictable_sentence, why_not_held_out
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
-from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_math.arrays import Array

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lrm_ident.data.wording import in_mm, p_words
 from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law, Quantity
 
 TEMPLATE = '''"""{title}
@@ -71,6 +72,19 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         ),
         quantities="".join(_assignment(quantity.name, law.code_of(quantity)) for quantity in law.quantities),
         amount=" + ".join(f"p[{i}] * {term}" for i, term in enumerate(law.terms)),
+    )
+
+
+def how_found(tried: int, beside: Law | None, before: float, nested: float, p_value: float) -> str:
+    """How a law was found, for the file's docstring.
+
+    Args:
+        beside: the law that it was added to. before: held-out RMS without it. nested: with one chosen anew (m).
+    """
+    which = "alone" if beside is None else f"with {beside.formula}"
+    return (
+        f"{tried} laws were tried. Held out, the model {which}\nhas {in_mm(before)} mm; with a law "
+        f"chosen anew in every block about {in_mm(nested)} mm.\nAgainst pure noise: p {p_words(p_value)}."
     )
 
 

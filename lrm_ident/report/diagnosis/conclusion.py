@@ -21,6 +21,7 @@ from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
+from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
 from lrm_ident.report.text.poses import limitation_sentence, where_measured
 from lrm_ident.report.text.residuals import (
@@ -56,12 +57,21 @@ ELSEWHERE = "what it follows also moves the arm elsewhere, so the cause may be a
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
+WHY_NOT = {
+    Verdict.EFFECT_DESCRIBES: "the error is systematic, but these poses do not show why.",
+    Verdict.UNEXPLAINED_STRUCTURE: "the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: "the error exceeds the noise, but nothing measured predicts it.",
+}
+"""Why no cause was identified."""
+LEFT = {
+    Verdict.NOTHING_MISSING: "no systematic error is left.",
+    Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
+}
+"""What is left where no missing effect was found."""
 HEADLINES = {
-    Verdict.EFFECT_DESCRIBES: f"{NOT_IDENTIFIED}: the error is systematic, but these poses do not show why.",
-    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: no systematic error is left.",
-    Verdict.UNEXPLAINED_STRUCTURE: f"{NOT_IDENTIFIED}: the error is systematic, but no known effect explains it.",
-    Verdict.UNPREDICTABLE: f"{NOT_IDENTIFIED}: the error exceeds the noise, but nothing measured predicts it.",
-    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, but the measurement noise is not known, so one may be hidden in it.",
+    **{verdict: f"{NOT_IDENTIFIED}: {why}" for verdict, why in WHY_NOT.items()},
+    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: {LEFT[Verdict.NOTHING_MISSING]}",
+    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, {LEFT[Verdict.NOISE_UNKNOWN]}",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 
@@ -133,11 +143,11 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
     advice = advice_of(report)
-    hopeless = () if advice is None or advice.helps else (advice.sentence.partition(":")[0],)
+    hopeless = () if advice is None or advice.helps else (hopeless_words(advice),)
     tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
     quiet = report.verdict.quiet
     return Conclusion(
-        headline=_of_the_rest(report, _headline(report, attribution)),
+        headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
         reasons=(*hopeless, *map(limitation_sentence, report.limitations))[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
@@ -153,7 +163,7 @@ def _has_already(report: DiagnosisReport) -> dict[str, Effect]:
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
-        return _quiet_headline(report) if report.verdict.quiet else HEADLINES[report.verdict]
+        return _quiet_headline(report) if report.verdict.quiet else _not_identified(report, WHY_NOT[report.verdict])
     if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = f"{plain_name(first.name)} ({first.name})"
@@ -164,21 +174,21 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     return f"{MISSING}: {what}"
 
 
-def _of_the_rest(report: DiagnosisReport, headline: str) -> str:
-    """A headline that no cause was identified, of what the causes leave that the model has already."""
-    return headline.replace(NOT_IDENTIFIED, f"{NOT_IDENTIFIED} for the rest") if _has_already(report) else headline
+def _not_identified(report: DiagnosisReport, why: str) -> str:
+    """That no cause was identified: for what the causes leave that the model has already, if it has any."""
+    return f"{NOT_IDENTIFIED}{' for the rest' if _has_already(report) else ''}: {why}"
 
 
 def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
-    known, words = list(_has_already(report)), HEADLINES[report.verdict]
+    known = list(_has_already(report))
     if not known:
-        return words
-    named, rest = enumerate_words(list(map(plain_name, known)), IN_HEADLINE), words.removeprefix(NONE_FOUND)
+        return HEADLINES[report.verdict]
+    named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
     them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
     other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
     unsure = any(report.indistinguishable.get(name) for name in known)
-    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {rest.lstrip(':, ')}"
+    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {LEFT[report.verdict]}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -186,10 +196,10 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.is_free_form:
-        return HEADLINES[Verdict.EFFECT_DESCRIBES]
+        return _not_identified(report, WHY_NOT[Verdict.EFFECT_DESCRIBES])
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
-        return f"{NOT_IDENTIFIED}: with so few angles of its joint, any function of the angle fits as well."
-    return f"{NOT_IDENTIFIED}: the best effect explains too little of the error to be called its cause."
+        return _not_identified(report, "with so few angles of its joint, any function of the angle fits as well.")
+    return _not_identified(report, "the best effect explains too little of the error to be called its cause.")
 
 
 def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
@@ -248,18 +258,19 @@ def valid_where(report: DiagnosisReport) -> str:
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"noise at most {in_mm(report.patterns.predictable.noise_bound)} mm"
-    noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
     error, first = report.held_out.rms, report.first
+    alone = first is None or attribution_of(report) == Support.DESCRIPTION
+    noise = bound if floor is None else f"{'measurement ' if alone else ''}noise {in_mm(floor)} mm"
     if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     elif report.verdict == Verdict.NOTHING_MISSING and floor is not None:
         interval = report.diagnosis.floor.interval
         repeats = "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
         noise = f"{error / floor:.1f} times the {noise}{repeats}"
-    if first is None or attribution_of(report) == Support.DESCRIPTION:
+    if first is None or alone:
         predicted = f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
         return f"{in_mm(error)} mm RMS {UNSEEN}{predicted if _bounds_noise(report) else f' ({noise})'}"
-    return f"{arrow(error, first.held_out_rms)} mm RMS with it, at unseen poses ({noise.removeprefix('measurement ')})"
+    return f"{arrow(error, first.held_out_rms)} mm RMS with it, at unseen poses ({noise})"
 
 
 def _bounds_noise(report: DiagnosisReport) -> bool:
@@ -393,7 +404,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     lead, words = "or", "Adds it to the model and refits all parameters."
     if advice is not None and advice.plan is not None and advice.helps:
         rivals = shlex.quote(",".join(causes_of(report)))
-        poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+        poses = f"--separate {rivals} --have {data} {plan_options(advice.plan)} -o next.csv"
         there = f"Measure there, append to {names.data}."
         yield NextStep(
             f"Writes poses (--levels any: at any angles) that distinguish these. {there}",
@@ -413,12 +424,12 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
 def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[NextStep]:
     """The next steps after a verdict without an effect to add."""
     if report.verdict == Verdict.NOTHING_MISSING:
-        yield NextStep(report.hint, f"lrm deploy {model}", VERIFY)
+        yield NextStep(next_step(report), f"lrm deploy {model}", VERIFY)
         export = f"lrm-ident arm export {model} -o arm.urdf"
         yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
-        yield NextStep(report.hint, f"lrm-ident propose {model} {data} -o law.py")
+        yield NextStep(next_step(report), f"lrm-ident propose {model} {data} -o law.py")
     else:
-        yield NextStep(report.hint)
+        yield NextStep(next_step(report))
     if report.verdict == Verdict.UNPREDICTABLE:
         yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=STOPGAP)

@@ -20,17 +20,17 @@ from lrm_ident.diagnosis.step import Step
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
+from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.report.text.claims import with_unit
-from lrm_ident.report.text.reasons import reason_words
+from lrm_ident.report.text.reasons import no_law_words, reason_words
 from lrm_ident.report.text.residuals import scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.scale_uncertainty import scale_left_open
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
-from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.effects import EffectRef, effect_of
 from lrm_math.model.covariance import Covariance, implausible_estimates
@@ -97,7 +97,7 @@ def step_document(
     """
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     earlier = error_blocks(before, f"Before: {free} parameters")
-    said = effect if field_of(step.fit.model) is None else f"{effect}, {WHAT_IT_IS}"
+    said = effect if field_of(step.fit.model) is None else f"{effect}, {WHAT_A_FIELD_IS}"
     table = error_blocks(after, f"With {said}: {now} parameters")
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
@@ -284,7 +284,7 @@ def proposal_document(found: LawProposal) -> Document:
         "nested_held_out_rms_mm": found.nested * 1e3,
         "proposed": None if best is None else {"joint": best.law.joint + 1, "formula": best.law.formula},
         "held_out": None if best is None else best.error,
-        "reason": found.reason,
+        "reason": no_law_words(found),
         "indistinguishable_from": [
             {"joint": law.joint + 1, "formula": law.formula, "held_out_rms_mm": rms * 1e3}
             for law, rms in found.equivalent
@@ -292,7 +292,7 @@ def proposal_document(found: LawProposal) -> Document:
         "next_poses_deg": None if found.next_poses is None else np.degrees(found.next_poses).round(1),
     }
     if best is None:
-        return Document([heading(f"No formula is proposed: {found.reason}."), judged], "lrm/proposal/1", values)
+        return Document([heading(f"No formula is proposed: {no_law_words(found)}."), judged], "lrm/proposal/1", values)
     blocks: list[Block] = [
         heading(f"Proposed: {best.law.formula}"),
         judged,

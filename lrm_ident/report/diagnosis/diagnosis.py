@@ -22,6 +22,7 @@ from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.text.advice import advice_sentence, next_step
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import reason_words
 from lrm_ident.report.text.residuals import (
@@ -97,7 +98,7 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         "holds": valid_where(report),
         "hints": list(map(hint_sentence, report.hints)),
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": report.hint,
+        "next_poses_hint": next_step(report),
     }
 
 
@@ -178,7 +179,7 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
     blocks += section("\nPatterns in the estimates, which are no effects", map(hint_sentence, report.hints))
     blocks += section("\nWhat these poses cannot show", map(limitation_sentence, report.limitations))
     advice = advice_of(report)
-    blocks += section("\nPoses that would distinguish the causes", () if advice is None else (advice.sentence,))
+    blocks += section("\nPoses that would distinguish the causes", () if advice is None else (advice_sentence(advice),))
     return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]
 
 

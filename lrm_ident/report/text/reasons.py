@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from lrm_ident.data.wording import fall, in_mm
 from lrm_ident.diagnosis.reason import Claim, Reason, ReasonKind
@@ -10,6 +11,9 @@ from lrm_ident.report.text.claims import claim_sentence
 from lrm_ident.report.text.variables import function_name
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_math.model.covariance import ImplausibleEstimate
+
+if TYPE_CHECKING:  # loaded by `propose` alone
+    from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_NAMED = 4
 SENTENCES = {
@@ -26,6 +30,18 @@ SENTENCES = {
     ReasonKind.UNLOADED: "gravity puts no load on it",
     ReasonKind.POSES: "{said}",
 }
+
+
+NO_LAW: Mapping[str, str] = {
+    "like_noise": "the best of {} laws is no better than on pure noise",
+    "not_predicted": "no law predicts poses that were not used to choose it",
+    "not_better_refitted": "no law lowers the held-out error once everything is refitted",
+}
+
+
+def no_law_words(found: LawProposal) -> str:
+    """Why no law is proposed; empty where one is."""
+    return "" if found.reason is None else NO_LAW[found.reason].format(found.tried)
 
 
 def reason_words(reason: Reason, named: Callable[[str], str] = str) -> str:

@@ -10,11 +10,12 @@ import pytest
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP, DiagnosisReport
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
+from lrm_ident.report.text.advice import NEXT_STEP
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
