@@ -134,7 +134,8 @@ class FeetechServo:
         return bytes(self.memory[address : address + length]).ljust(length, b"\0")
 
     def write(self, address: int, data: bytes) -> None:
-        """Writes registers, but for those that only it writes itself."""
+        """Writes registers, but for those that only it writes itself. A goal switches its torque on, as the firmware
+        does (huggingface/lerobot issue 3585)."""
         was_powered = self.powered
         for at, byte in enumerate(data, start=address):
             if at < SIZE and at not in READ_ONLY:
@@ -143,6 +144,8 @@ class FeetechServo:
                     self.saved[at] = byte
         if self.powered and not was_powered:  # it holds where it is, whatever the goal was
             table.GOAL_POSITION.write(self.memory, self.count)
+        if address <= table.GOAL_POSITION.address < address + len(data):
+            table.TORQUE_ENABLE.write(self.memory, 1)
 
     def power_cycle(self) -> None:
         """Loses power: what was not saved is as it was, and there is no torque."""

@@ -79,7 +79,7 @@ class DiagnosisReport(ShownInNotebook):
         share: of the held-out mean square above the noise that the first candidate takes away.
         patterns: of the residual, without a name. hints: patterns of the estimates, which are no effects.
         replicates: whether the first candidate is chosen in both halves of the data.
-        misspecified: causes of the model, and the first candidate, whose quantity moves the arm elsewhere, too.
+        misspecified: causes of the model, and the first candidate, whose quantity moves the arm otherwise, too.
         indistinguishable: of effects of the model (`effect@place`), those that the poses could not distinguish from
             them when they were added.
         beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.

@@ -327,14 +327,13 @@ class ApiProcess:
 
     # ---- requests, from zenoh's threads (see `zenoh_server.RequestHandler`)
 
-    def handle(self, tail: str, request: Message) -> Message:
-        """Carries out a request. Raises `LrmError` if it cannot."""
+    def handle(self, tail: str, request: Message, came: int) -> Message:
+        """Carries out a request that `came` at a time (monotonic ns). Raises `LrmError` if it cannot."""
         if isinstance(request, ReloadRequest | DeployRequest | UndeployRequest):
             deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
             with self._lock:
                 return self._publisher.reloaded(tail, deployed)
-        arrived = time.monotonic_ns()
         left = isinstance(request, MotionRequest | PayloadRequest) and self._leave_stored_pose(request)
         if isinstance(request, MoveRequest | JogRequest):
             self._shared.wait_for_order(self._controller.order.number, SETTLING_TIME)
@@ -344,7 +343,7 @@ class ApiProcess:
             if left:
                 self._saving.again()
             # a renewal counts from when it came, not from when the daemon had time for it
-            result = self._controller.handle(request, arrived if isinstance(request, LeaseRequest) else now)
+            result = self._controller.handle(request, came if isinstance(request, LeaseRequest) else now, came)
             self._write_order()
             self._flush()
             reply, order = self._publisher.reply(tail, result), self._controller.order.number

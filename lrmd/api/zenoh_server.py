@@ -29,8 +29,9 @@ class RequestHandler(Protocol):
 
     boot_id: str
 
-    def handle(self, tail: str, request: Message) -> Message:
-        """Carries a request out: the reply. Raises what `error_reply` makes a reply of."""
+    def handle(self, tail: str, request: Message, came: int) -> Message:
+        """Carries a request out that `came` at a time (monotonic ns): the reply. Raises what `error_reply` makes a reply
+        of."""
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Reports a refused command, which has no reply, as an event."""
@@ -58,11 +59,13 @@ class ZenohServer:
             self._serve(tail, None, partial(self._state, tail), inbox(PLACES), wildcards=True)
         models = inbox(1)
         for tail, kind in REQUESTS.items():
-            self._serve(tail, kind, partial(self._request, tail), models if tail in MODELS else inbox(PLACES))
+            own = models if tail in MODELS else inbox(PLACES)
+            self._serve(tail, kind, partial(self._request, tail, own), own)
         self._serve("rpc/events", None, lambda _: handler.events(), inbox(PLACES))
         for tail, kind in COMMANDS.items():
-            take, fail = partial(self._command, tail), partial(self._command_failed, tail)
-            subscribe(session, key(robot, tail), kind, take, fail, inbox(PLACES))
+            own = inbox(PLACES)
+            take, fail = partial(self._command, tail, own), partial(self._command_failed, tail)
+            subscribe(session, key(robot, tail), kind, take, fail, own)
         self._stand_ins: list[zenoh.Queryable[None]] = []
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 
@@ -104,13 +107,13 @@ class ZenohServer:
     def _state(self, tail: str, _: Message) -> list[bytes]:
         return [pack(self._handler.state(tail))]
 
-    def _request(self, tail: str, request: Message) -> list[bytes]:
-        return [pack(self._handler.handle(tail, request))]
+    def _request(self, tail: str, inbox: Inbox, request: Message) -> list[bytes]:
+        return [pack(self._handler.handle(tail, request, inbox.came))]
 
-    def _command(self, tail: str, sample: zenoh.Sample, command: Message) -> None:
+    def _command(self, tail: str, inbox: Inbox, sample: zenoh.Sample, command: Message) -> None:
         if not addresses(sample.key_expr, self._robot, tail):
             raise RequestError("wildcard", f"put on {str(sample.key_expr)[:64]}, which is not a key of commands")
-        self._handler.handle(tail, command)
+        self._handler.handle(tail, command, inbox.came)
 
     def _command_failed(self, tail: str, error: Exception) -> None:
         if isinstance(error, LrmError):

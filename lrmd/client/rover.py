@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any, Literal
 
 from lrm_math.arrays import ORIGIN
@@ -72,6 +73,9 @@ class MotionInterrupted(LrmError):
 class Rover(RoverSession):
     """A client of one daemon: commands, kinematics and state; opened as `RoverSession` says.
 
+    Where no reply comes to a request that moves something, nobody knows whether it was carried out, or will be: the arm
+    is told to hold before `NoReply` is raised.
+
     Methods raise `NoReply` without a reply of the daemon, `RequestRefused` on its error reply, `SeveralDaemons` if more
     than one program answers, and, if they command, `DaemonRestarted` when the daemon is not that of the lease any more.
 
@@ -83,6 +87,17 @@ class Rover(RoverSession):
     settle_s: float | None = None
 
     # ---- commands
+
+    @contextmanager
+    def _held_if_unknown(self) -> Iterator[None]:
+        """Holds the arm where no reply says whether a motion was begun, or goes on: it may yet begin. Once, for the
+        daemon may be gone."""
+        try:
+            yield
+        except NoReply:
+            with suppress(LrmError):
+                self._query(Reply, "rpc/hold", HoldRequest(), min(self._timeout, ONCE_S))
+            raise
 
     def arm(
         self,
@@ -96,9 +111,10 @@ class Rover(RoverSession):
             request = ArmRequest(
                 lease=self._token(), stops=self._stops, where=where, q_rad=dict(q or {}), servos=chosen
             )
-        reply = self._query(Reply, "rpc/arm", request)
         try:
-            self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
+            with self._held_if_unknown():
+                reply = self._query(Reply, "rpc/arm", request)
+                self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
         except MotionInterrupted as ended:
             joints = self.joints()
             on = ", ".join(name for name, is_on in zip(joints.names, joints.on, strict=True) if is_on) or "no servo"
@@ -127,10 +143,12 @@ class Rover(RoverSession):
                 lease=self._token(), stops=self._stops if stops is None else stops, waypoints=path, pace=pace,
                 speed=speed, payload_kg=payload_kg, may_touch=list(may_touch), shaping=shaping,
             )  # fmt: skip
-        reply = self._query(Reply, "rpc/move", request)
-        seconds, self.unchecked, self.settle_s = reply.seconds or 0.0, reply.unchecked, reply.settle_s
+        with self._held_if_unknown():
+            reply = self._query(Reply, "rpc/move", request)
+            seconds, self.unchecked, self.settle_s = reply.seconds or 0.0, reply.unchecked, reply.settle_s
+            if wait:
+                self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         if wait:
-            self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
             self._check_there({name: angle for waypoint in path for name, angle in waypoint.items()})
         return seconds
 
@@ -254,7 +272,9 @@ class Rover(RoverSession):
             request = SkillRequest(
                 lease=self._token(), stops=self._stops if stops is None else stops, skill=name, **fields
             )
-        state = self._followed(self._query(Reply, "rpc/skill", request).skill, name)
+        with self._held_if_unknown():
+            begun = self._query(Reply, "rpc/skill", request)
+        state = self._followed(begun.skill, name)
         return self.await_skill(state) if wait else state
 
     def await_skill(self, begun: SkillState) -> SkillState:
@@ -266,12 +286,14 @@ class Rover(RoverSession):
         return state
 
     def follow_skill(self, begun: SkillState) -> SkillState:
-        """What a skill that was begun does now, or what came of it. Raises `LrmError` if another was begun since."""
+        """What a skill that was begun does now, or what came of it. Raises `LrmError` if another was begun since, or
+        nothing is known of it: then the arm was told to hold."""
         return self._followed(begun.number, begun.skill)
 
     def _followed(self, number: int | None, name: str) -> SkillState:
         self._check_restart()
-        state = self._query(SkillState, "state/skill")
+        with self._held_if_unknown():
+            state = self._query(SkillState, "state/skill")
         if state.number != number:
             raise LrmError(f"{name}: another skill, {state.skill}, was begun meanwhile")
         if state.outcome == "stopped":

@@ -21,7 +21,8 @@ HORIZON = SECOND // 4
 
 
 def request_jog(s: ControllerState, request: JogRequest, now: int) -> RequestResult:
-    """Begins or renews a jog. Raises `LrmError` if its first stretch is not allowed."""
+    """Begins or renews a jog, which lives from when it was asked for. Raises `LrmError` if its first stretch is not
+    allowed."""
     next_mode(s.mode, Trigger.MOVE, s.why)
     thermal_protection.check_motion(s)
     rates = {name: rate for name, rate in request.rate_rad_per_s.items() if rate}
@@ -31,7 +32,7 @@ def request_jog(s: ControllerState, request: JogRequest, now: int) -> RequestRes
         s.motion_check.check_clearance(departure.start, [leg], s.payload)
         s.transition(Trigger.MOVE, "jog", now)
         s.orders.start([leg], departure, now)
-    s.orders.jog = Jog(rates, now + s.config.command)
+    s.orders.jog = Jog(rates, s.came + s.config.command)
     return RequestResult()
 
 

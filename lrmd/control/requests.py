@@ -44,6 +44,8 @@ from lrmd.safety.collision_guard import CollisionGuard
 
 SCENES_PER_S = 10
 """Each takes tens of milliseconds, and needs no lease: a flood of them must not keep the daemon from its work."""
+PATIENCE = 2 * SECOND
+"""ns after which who asked for a motion has given up (`lrmd.client`'s timeout): it is not begun any more."""
 CONTACT_SPEED = 0.1
 """Share of the full rate at which an arm moves that may touch something."""
 
@@ -194,6 +196,7 @@ def _reset(s: ControllerState, _: ResetRequest, now: int) -> RequestResult:
     s.faults.clear()
     if s.report.outputs:  # else there may be pulses that another ramp left: an order of none would let the arm fall
         s.orders.stop(now, s.report.outputs)
+        thermal_protection.after_reset(s)
     return RequestResult()
 
 
@@ -302,9 +305,13 @@ class Controller(ControllerState):
         state = super().saved(wall)
         return state.model_copy(update={"still": state.still and self.skill_report.outcome != "running"})
 
-    def handle(self, request: Message, now: int) -> RequestResult:
-        """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""
+    def handle(self, request: Message, now: int, came: int | None = None) -> RequestResult:
+        """Carries out a request, which came before now if that is said. Raises an `LrmError` if it cannot; then nothing
+        has changed but an expired lease."""
         self.check_sender(request, now)
+        self.came = now if came is None else came
+        if isinstance(request, MotionRequest):
+            self._check_late(request, now)
         return HANDLERS[type(request)](self, request, now)
 
     def check_sender(self, request: Message, now: int) -> None:
@@ -318,6 +325,13 @@ class Controller(ControllerState):
             self.leasehold.check(request.lease)
         if isinstance(request, MotionRequest):
             self._check_overtaken(request)
+
+    def _check_late(self, request: MotionRequest, now: int) -> None:
+        """Raises `RequestError` for a request that waited in the daemon for longer than its sender did."""
+        waited, most = now - self.came, self.config.command if isinstance(request, JogRequest) else PATIENCE
+        if waited >= most:
+            text = f"this waited for {waited / SECOND:.1f} s in the daemon; ask again if it may go on"
+            raise RequestError("late", text, retryable=True)
 
     def _check_overtaken(self, request: MotionRequest) -> None:
         """Raises `RequestError` for a request whose sender does not know of the last stop."""

@@ -66,9 +66,11 @@ class ControllerState:
     `obstacles`, told of at `obstacles_told_at` (monotonic ns), `guard` without them,
     unpublished `events`, the model of `motion` or None, and the state file as `stored`.
     `fallen`: servos without pulses whose position is not known.
-    `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`,
+    `stops`: number of holds, emergency stops, disarmings and faults so far. `came`: when the request came that is
+    carried out (monotonic ns). Of the thermal protection: `held_at`,
     `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last
-    motion to rest, and `rest_blocked` while its path is not free.
+    motion to rest, `rest_blocked` while its path is not free, and `reset_at`: motions that had begun at a reset after
+    which none was asked for yet; None otherwise.
     """
 
     def __init__(
@@ -87,7 +89,7 @@ class ControllerState:
         self.leasehold = Lease()
         self.report = RampReport()
         self.other_daemons: frozenset[str] = frozenset()
-        self.stops = 0
+        self.stops, self.came = 0, now
         self.payload = stored.payload_kg if stored else 0.0
         self.stored = stored
         self._identity = arm_identity(config)
@@ -107,6 +109,7 @@ class ControllerState:
         self.gravity = KnownGravity(config)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None
+        self.reset_at: int | None = None
         self.rest_tried_at, self.rest_blocked = now, False
 
     def angles(self, pulses: Sequence[int]) -> list[float]:

@@ -1,6 +1,7 @@
 """Thermal protection by the present level of the servos with pulses: warn, move the arm to rest, stop the pulses.
 
 It follows from the level alone, in every cycle: how a servo got hot, and in which mode the arm is, make no difference.
+But a reset moves nothing: a hot arm goes to rest only after somebody has asked for another motion.
 """
 
 from __future__ import annotations
@@ -59,7 +60,21 @@ def protect(s: ControllerState, now: int) -> None:
     elif level is ThermalLevel.HOT:
         _go_to_rest(s, now)
     else:
-        s.rest_blocked = False
+        s.rest_blocked, s.reset_at = False, None
+
+
+def after_reset(s: ControllerState) -> None:
+    """Lets a hot arm whose fault was reset stand until somebody asks for a motion."""
+    s.reset_at = s.orders.motions
+    hottest = s.thermal.hottest(s.report.outputs)
+    if hottest is not None and s.config.rest is not None and s.thermal.level(hottest) is ThermalLevel.HOT:
+        limit = s.thermal.model.limits[ThermalLevel.TOO_HOT - 1]
+        text = f"{_temperature(s, hottest)}: a reset does not send the arm to rest; move it, at {limit:g} degC it falls"
+        s.emit("rest_waits", "warning", text, servo=s.config.names[hottest])
+
+
+def _waits_after_reset(s: ControllerState) -> bool:
+    return s.reset_at == s.orders.motions
 
 
 def _stop_pulses(s: ControllerState, hottest: int, now: int) -> None:
@@ -79,7 +94,7 @@ def _go_to_rest(s: ControllerState, now: int) -> None:
     held = s.held_at is not None and now - s.held_at < HOLD_TIME
     waits = s.rest_blocked and now - s.rest_tried_at < RETRY
     rest = _rest_pulses(s)
-    if rest is None or held or waits or s.going_to_rest or s.mode not in (*STATIONARY, Mode.MOVING):
+    if rest is None or held or waits or _waits_after_reset(s) or s.going_to_rest or s.mode not in (*STATIONARY, Mode.MOVING):
         return
     if not s.settled or (s.position == overlaid(s.position, rest) and s.mode is not Mode.MOVING):
         return
@@ -109,9 +124,11 @@ def _rest_pulses(s: ControllerState) -> Pulses | None:
 
 
 def check_motion(s: ControllerState) -> None:
-    """Raises `RequestError` while the arm is hot, since it goes to rest instead; not if its way to rest is blocked."""
+    """Raises `RequestError` while the arm is hot, since it goes to rest instead; not if its way to rest is blocked, or
+    it stands after a reset."""
     hottest = s.thermal.hottest(s.report.outputs)
-    if hottest is None or s.config.rest is None or s.rest_blocked or s.thermal.level(hottest) < ThermalLevel.HOT:
+    stays = s.config.rest is None or s.rest_blocked or _waits_after_reset(s)
+    if hottest is None or stays or s.thermal.level(hottest) < ThermalLevel.HOT:
         return
     limit = s.thermal.model.limits[ThermalLevel.HOT - 1]
     text = f"{_temperature(s, hottest)}: the arm goes to rest, and stays there until it is below {limit:g} degC"

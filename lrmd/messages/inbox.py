@@ -6,6 +6,7 @@ zenoh itself keeps any number of messages for a callback that is busy (200 of 1 
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -18,11 +19,15 @@ Send = Callable[[], None]
 
 
 class Inbox:
-    """Work on messages, one after the other in a thread of its own; `places` and `size` (bytes) bound what waits."""
+    """Work on messages, one after the other in a thread of its own; `places` and `size` (bytes) bound what waits.
+
+    `came`: when the message came that is worked on (monotonic ns), for that work to ask.
+    """
 
     def __init__(self, places: int = PLACES, size: int = BYTES) -> None:
         self._places, self._room = places, size
-        self._waiting: deque[tuple[int, Callable[[], Send]]] = deque()
+        self._waiting: deque[tuple[int, int, Callable[[], Send]]] = deque()
+        self.came = 0
         self._taken = 0
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -41,7 +46,7 @@ class Inbox:
 
     def _take(self, size: int, work: Callable[[], Send]) -> None:
         self._taken, self._room = self._taken + 1, self._room - size
-        self._waiting.append((size, work))
+        self._waiting.append((size, time.monotonic_ns(), work))
         self._changed.notify()
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, daemon=True)
@@ -51,7 +56,7 @@ class Inbox:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._waiting)
-                size, work = self._waiting.popleft()
+                size, self.came, work = self._waiting.popleft()
             send = work()
             del work
             with self._changed:

@@ -1,7 +1,7 @@
 """Fault injection on the link and the board; the syntax of `--fault` and the control socket.
 
 flip | lose | double  RATE|frame K  [in|out|both]      frames on the line, to the board (in) or from it (out)
-stall | hangup | brownout | chip  SECONDS              for a time
+stall | hangup | brownout | chip | chiploss  SECONDS   for a time
 calm                                                   ends all rates
 ... at T                                               not now, but T s after the start, in the board's time
 """
@@ -77,6 +77,10 @@ class ChipSilence(TimedFault):
     """The PCA9685 does not acknowledge; its outputs stay unchanged."""
 
 
+class ChipPowerLoss(TimedFault):
+    """Power loss of the PCA9685 alone: outputs off, then its registers are those of power-on. The board keeps running."""
+
+
 @dataclass(frozen=True)
 class ClearFrameFaults:
     """Ends all frame faults."""
@@ -90,6 +94,7 @@ TIMED_FAULTS: dict[str, type[TimedFault]] = {
     "hangup": HangUp,
     "brownout": BrownOut,
     "chip": ChipSilence,
+    "chiploss": ChipPowerLoss,
 }
 FAULT_NAMES = (*FRAME_FAULTS, *TIMED_FAULTS, "calm")
 

@@ -45,6 +45,7 @@ faults (--fault, or --ask while it runs; T in seconds of the board's clock):
   hangup S                     the device vanishes for S seconds
   brownout S                   the board loses power for S seconds
   chip S                       the PCA9685 does not answer for S seconds
+  chiploss S                   the PCA9685 alone loses power for S seconds
   calm                         no more flips, losses, doubles
 
 questions (--ask): tcp, measure, joints, status, payload GRAMS [X Y Z],

@@ -10,6 +10,7 @@ from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.faults import (
     BrownOut,
+    ChipPowerLoss,
     ChipSilence,
     ClearFrameFaults,
     Fault,
@@ -86,9 +87,9 @@ class Simulation:
                 self._start(fault, now)
 
     def _start(self, fault: TimedFault, now: int) -> None:
-        if isinstance(fault, ChipSilence):
+        if isinstance(fault, ChipSilence | ChipPowerLoss):
             self.board.chip.answers = False
-        if isinstance(fault, BrownOut):
+        if isinstance(fault, BrownOut | ChipPowerLoss):
             self.board.chip.power_cycle()
             self._move_arm(now)
         if isinstance(fault, BrownOut | HangUp):
@@ -96,7 +97,7 @@ class Simulation:
 
     def _end(self, kind: type[TimedFault], now: int) -> None:
         del self._ends[kind]
-        if kind is ChipSilence:
+        if kind in (ChipSilence, ChipPowerLoss):
             self.board.chip.answers = True
         if kind is BrownOut:
             self.board.power_cycle(now)

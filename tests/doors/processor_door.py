@@ -9,6 +9,7 @@ from typing import Any
 
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import FeetechServo
+from lrm_math.arm.lerobot_torque_on import torque_on_where_they_stand
 from lrm_math.errors import LrmError
 from tests.doors.door import DoorKind
 from tests.doors.lerobot_classes import plug_in
@@ -26,6 +27,7 @@ class ProcessorDoor(ServosDoor):
         self.pipelines: tuple[Any, Any] | None = None
 
     def torque_on(self) -> None:
+        torque_on_where_they_stand(self.follower)
         self.follower.connect()
         self.pipelines = plug_in("pipelines").calibrated_processors(self.follower, self.model)
 

@@ -29,10 +29,11 @@ from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.kind import BusServoKind
 from lrm_ident.measuring.servo_bus.servos import held_servos
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.lerobot_torque_on import torque_on_where_they_stand
 from tests.doors.door import Angles, DoorKind
 from tests.doors.lerobot_classes import calibrated_robot_class
 from tests.doors.lockstep import Lockstep
-from tests.doors.simulated_follower import SimulatedFollower
+from tests.doors.simulated_follower import GoalKeepingServo, SimulatedFollower
 
 ARM = load_arm("so101")
 NAMES = tuple(str(joint.name) for joint in ARM.joints)
@@ -184,8 +185,10 @@ class DoorLine:
 
 
 def placed(servos: Sequence[FeetechServo], rng: random.Random, anywhere: bool) -> None:
-    """Lets servos stand somewhere; `anywhere`: some have limits that they stand beyond, some count turns."""
+    """Lets servos stand somewhere, with goals that they had before; `anywhere`: some have limits that they stand
+    beyond, some count turns."""
     for servo in servos:
+        table.GOAL_POSITION.write(servo.memory, rng.randrange(4096))
         servo.angle = round(rng.uniform(-0.8, 0.8) / STEP) * STEP
         if anywhere and rng.random() < 0.3:
             servo.angle, servo.counts_turns = (rng.randrange(-4096, 8192) - MIDDLE) * STEP, rng.random() < 0.5
@@ -195,7 +198,7 @@ def placed(servos: Sequence[FeetechServo], rng: random.Random, anywhere: bool) -
 @contextmanager
 def by_model(door_class: Any, seed: int) -> Iterator[Any]:
     """A door of LeRobot that takes a model file, with a servo for each of its joints."""
-    servos = [FeetechServo(number) for number in range(1, 1 + len(door_class.joints))]
+    servos = [GoalKeepingServo(number) for number in range(1, 1 + len(door_class.joints))]
     placed(servos, random.Random(seed), False)
     with tempfile.TemporaryDirectory() as folder:
         (model := Path(folder, "model.toml")).write_text(MODEL)
@@ -205,9 +208,11 @@ def by_model(door_class: Any, seed: int) -> Iterator[Any]:
 @contextmanager
 def campaign_over_lerobot(door_class: type[CampaignDoor], seed: int) -> Iterator[CampaignDoor]:
     """A campaign that drives a robot of LeRobot."""
-    servos = [FeetechServo(number) for number in range(1, 6)]
+    servos = [GoalKeepingServo(number) for number in range(1, 6)]
     placed(servos, random.Random(seed), False)
     robot = SimulatedFollower(NAMES, servos)
+
+    torque_on_where_they_stand(robot)  # as `connected_robot` does
 
     def connect() -> LeRobotServos:
         robot.connect()
@@ -248,7 +253,9 @@ BUS = (
 FEETECH_BUS = partial(campaign_over_bus, FEETECH, FeetechServo, FeetechBus)
 DYNAMIXEL_BUS = partial(campaign_over_bus, DYNAMIXEL, DynamixelServo, DynamixelBus)
 LEROBOT_CAMPAIGN = ("lrm_ident.measuring.campaign.lerobot_robot",)
-LEROBOT = ("lerobot_robot_lrm.calibrated_robot", "lerobot_robot_lrm.wrapped_robot")
+LEROBOT = (
+    "lerobot_robot_lrm.calibrated_robot", "lerobot_robot_lrm.wrapped_robot", "lrm_math.arm.lerobot_torque_on",
+)  # fmt: skip
 DOORS = (
     DoorKind("LeRobot robot", LEROBOT, partial(by_model, CalibratedRobotDoor), 0.0, 0.0),
     DoorKind("campaign over LeRobot", LEROBOT_CAMPAIGN, partial(campaign_over_lerobot, CampaignDoor), 0.0, 0.2),

@@ -7,21 +7,40 @@ from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from examples.so101.feetech_servo import STEP, FeetechServo
+from examples.so101.feetech_servo import LOCK, STEP, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 
 MIDDLE = 2048
 SIDES = ("left_", "right_")
 
 
+REGISTERS = {
+    "Torque_Enable": table.TORQUE_ENABLE, "Lock": LOCK, "Operating_Mode": table.MODE, "Torque_Limit": table.TORQUE_LIMIT,
+    "Goal_Position": table.GOAL_POSITION, "Present_Position": table.POSITION, "Min_Position_Limit": table.MIN_POSITION,
+    "Max_Position_Limit": table.MAX_POSITION, "Present_Temperature": table.TEMPERATURE,
+}  # fmt: skip
+"""Registers by LeRobot's names."""
+
+
+class GoalKeepingServo(FeetechServo):
+    """One whose firmware goes on to its last goal when torque comes on."""
+
+    def write(self, address: int, data: bytes) -> None:
+        goal = table.GOAL_POSITION.read(self.memory)
+        super().write(address, data)
+        if not address <= table.GOAL_POSITION.address < address + len(data):
+            table.GOAL_POSITION.write(self.memory, goal)
+
+
 class SimulatedBus:
-    """Registers of the motors by name, as LeRobot's bus reads and writes them. `lost`: how many reads fail next."""
+    """Registers of the motors by name, as LeRobot's bus reads and writes them. `lost`: how many reads of all motors
+    fail next."""
 
     def __init__(self, names: Sequence[str], servos: Sequence[FeetechServo]) -> None:
         self.servos = dict(zip(names, servos, strict=True))
         self.lost = 0
         self.motors = {name: SimpleNamespace(model="sts3215", norm_mode="degrees") for name in names}
-        self.model_ctrl_table: dict[str, Any] = {"sts3215": {"Torque_Limit": (48, 2)}}
+        self.model_ctrl_table = {"sts3215": {name: (at.address, at.length) for name, at in REGISTERS.items()}}
         self.model_resolution_table = {"sts3215": 4096}
         self.calibration = {name: SimpleNamespace(range_min=0, range_max=4095) for name in names}
 
@@ -30,17 +49,27 @@ class SimulatedBus:
         if self.lost:
             self.lost -= 1
             raise ConnectionError("no status packet")
-        read = {
-            "Torque_Enable": lambda servo: float(servo.powered),
-            "Present_Temperature": lambda _: 30.0,
-            "Torque_Limit": lambda servo: float(table.TORQUE_LIMIT.read(servo.memory)),
-        }[register]
-        return {name: read(self.servos[name]) for name in motors}
+        return {name: float(self.read(register, name)) for name in motors}
 
-    def write(self, register: str, motor: str, value: int) -> None:
-        """Writes the torque limit."""
-        assert register == "Torque_Limit"
-        table.TORQUE_LIMIT.write(self.servos[motor].memory, value)
+    def read(self, register: str, motor: str, *, normalize: bool = True) -> int:
+        """Value of a motor."""
+        own = REGISTERS[register]
+        return own.decoded(self.servos[motor].read(own.address, own.length))
+
+    def write(self, register: str, motor: str, value: int, *, normalize: bool = True, num_retry: int = 0) -> None:
+        """Writes a register of a motor."""
+        own = REGISTERS[register]
+        self.servos[motor].write(own.address, own.encoded(value))
+
+    def disable_torque(self) -> None:
+        """Takes the torque from all motors."""
+        for name in self.motors:
+            self.write("Torque_Enable", name, 0)
+
+    def enable_torque(self, motors: None = None, num_retry: int = 0) -> None:
+        """Gives torque to all motors."""
+        for name in self.motors:
+            self.write("Torque_Enable", name, 1)
 
 
 class SimulatedFollower:
@@ -55,16 +84,19 @@ class SimulatedFollower:
         self.is_connected = False
 
     def connect(self, calibrate: bool = True) -> None:
-        """Switches the torque on where the servos stand, as LeRobot's `configure` does."""
+        """Configures the motors, as LeRobot does."""
         self.is_connected = True
-        for servo in self.bus.servos.values():
-            servo.write(table.TORQUE_ENABLE.address, b"\1")
+        self.configure()
+
+    def configure(self) -> None:
+        """Takes the torque from the motors and gives it back; what it would write meanwhile is as it should be."""
+        self.bus.disable_torque()
+        self.bus.enable_torque()
 
     def disconnect(self) -> None:
         """Switches the torque off."""
         self.is_connected = False
-        for servo in self.bus.servos.values():
-            servo.write(table.TORQUE_ENABLE.address, b"\0")
+        self.bus.disable_torque()
 
     def get_observation(self) -> dict[str, Any]:
         """Angles of the encoders (deg)."""

@@ -296,15 +296,18 @@ def test_an_unplugged_board_comes_back_and_stands_still(harness: DaemonHarness) 
     assert harness.more("reconnects") == 1
 
 
-def test_a_brown_out_leaves_a_limp_arm_until_it_is_armed(harness: DaemonHarness) -> None:
+@pytest.mark.parametrize(("lost", "code"), [("brownout 0.05", "board_restarted"), ("chiploss 0.1", "board_silenced")])
+def test_a_power_loss_of_board_or_chip_leaves_a_limp_arm_until_it_is_armed(
+    harness: DaemonHarness, lost: str, code: str
+) -> None:
     with harness.rover.control("test"):
         harness.under_way()
-        harness.board.ask("brownout 0.05")
+        harness.board.ask(lost)
         harness.wait_for_mode("fault")
         wait_for(lambda: harness.rover.mode().link == "ready", "the board answers")
         time.sleep(0.2)
         assert harness.pulses() == []
-        assert any(fault.code == "board_restarted" for fault in harness.rover.faults().faults)
+        assert any(fault.code == code for fault in harness.rover.faults().faults)
         harness.rover.reset_fault()
         time.sleep(0.2)
         assert (harness.mode(), harness.pulses()) == ("disarmed", [])

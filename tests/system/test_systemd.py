@@ -113,6 +113,10 @@ def test_unit_keeps_its_promises(unit: str) -> None:
     assert values["CapabilityBoundingSet"] == [""]
 
 
+def test_a_child_that_is_killed_for_memory_does_not_let_the_arm_fall() -> None:
+    assert settings("lrmd.service")["OOMPolicy"] == ["continue"]
+
+
 def test_only_the_real_daemon_has_real_time_and_the_serial_port() -> None:
     real, simulated = settings("lrmd.service"), settings("lrmd-sim.service")
     assert real["LimitRTPRIO"] == ["50"]

@@ -13,6 +13,7 @@ from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.lerobot_late_replies import drop_late_replies
 from lrm_math.arm.lerobot_registers import settings_of
+from lrm_math.arm.lerobot_torque_on import torque_on_where_they_stand
 from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.errors import LrmError, UnknownName
 
@@ -145,6 +146,7 @@ def connected_robot(text: str) -> Iterator[Any]:
     """The robot, connected; it holds where it is left. Raises `LrmError`: no answer, not calibrated."""
     robot = robot_of(text)
     drop_late_replies(robot)
+    torque_on_where_they_stand(robot)
     for left in reversed(range(CONNECTS)):
         try:
             robot.connect(calibrate=False)
@@ -154,6 +156,9 @@ def connected_robot(text: str) -> Iterator[Any]:
                 robot.disconnect()
             if not left:
                 raise LrmError(f"--robot {text}: {_one_line(error)}") from None
+        except LrmError as error:
+            robot.disconnect()
+            raise LrmError(f"--robot {text}: {error}") from None
     try:
         if not robot.is_calibrated:
             raise LrmError(f"--robot {text}: its motors are not calibrated as its file says; run lerobot-calibrate")

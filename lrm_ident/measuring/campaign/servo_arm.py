@@ -146,7 +146,6 @@ class ServoArm:
         """
         self.check_moves(moves)
         check_begins(self.names, self._target, moves, MOVES_BEGIN)
-        self._check_torque()
         begun, reading, last = self.clock.now(), 0.0, self._target
         for number, (t, q) in enumerate(zip((moves.t - moves.t[0]).tolist(), moves.q.tolist(), strict=True)):
             self.clock.sleep(begun + t - reading - self.clock.now())
@@ -208,20 +207,23 @@ class ServoArm:
 
     def _move(self, goal: Sequence[float]) -> None:
         """Straight there, each joint in time with the slowest. Raises `LrmError` and holds if one is held up."""
-        self._check_torque()
         start = self._target
         far = max(abs(b - a) for a, b in zip(start, goal, strict=True))
         steps = max(1, math.ceil(far / (self.speed * TICK_S)))
         for step in range(1, steps + 1):
-            share = step / steps
+            share, due = step / steps, self.clock.now() + TICK_S
             self._send([(1.0 - share) * a + share * b for a, b in zip(start, goal, strict=True)])
-            self.clock.sleep(TICK_S)
+            self.clock.sleep(due - self.clock.now())
             if step % WATCHED == 0:
                 self._check_follows()
         self.direction = last_directions([start, self._target], self.direction)
 
     def _check_torque(self) -> None:
-        """Raises `LrmError` if a joint has lost its torque: it has fallen, and nothing may pull it back from there."""
+        """Raises `LrmError` if a joint has lost its torque: it has fallen, and nothing may pull it back from there.
+
+        Before every command: a Feetech servo that gets a goal switches its torque on by itself, and unbounded after its
+        supply was off (huggingface/lerobot issue 3585).
+        """
         if limp := self._limp():
             raise LrmError(f"{', '.join(limp)} lost torque: was the supply off? Look where the arm stands, start again")
 
@@ -229,9 +231,7 @@ class ServoArm:
         return [name for name, powered in self._with_retries(self.servos.powered).items() if not powered]
 
     def _check_follows(self) -> None:
-        """Raises `LrmError` if a joint lost its torque, and holds if one is far behind its command, and still is a
-        glance later."""
-        self._check_torque()
+        """Raises `LrmError` and holds if a joint is far behind its command, and still is a glance later."""
         seen, behind = self._behind()
         if max(behind) > BEHIND:
             self.clock.sleep(GLANCE_S)
@@ -257,8 +257,15 @@ class ServoArm:
         return seen
 
     def _send(self, q: Sequence[float]) -> None:
+        """Commands angles (n,), rad, where all joints have torque. Raises `LrmError`: see `_check_torque`."""
         target = self.rounded(q)
-        self._with_retries(lambda: self.servos.command(target))
+
+        def order() -> None:
+            """Also before it is repeated: the supply may have been off meanwhile."""
+            self._check_torque()
+            self.servos.command(target)
+
+        self._with_retries(order)
         self._target = target
 
     def commanded(self) -> tuple[float, ...]:

@@ -59,22 +59,32 @@ def _time() -> float:
 
 
 class RealClock:
-    """The computer's clock."""
+    """The computer's clock.
+
+    It raises `LrmError` where the computer was suspended since it was made, whatever was waited for meanwhile, or the
+    program stopped during a wait: who wakes it did not ask the arm to move. A daemon ends such a client's lease by
+    itself.
+    """
+
+    def __init__(self) -> None:
+        self._offset = _time() - time.monotonic()
 
     def now(self) -> float:
         """Monotonic time (s)."""
-        return time.monotonic()
+        now = time.monotonic()
+        _check_away(_time() - now - self._offset)
+        return now
 
     def sleep(self, seconds: float) -> None:
-        """Waits; not for a negative time.
-
-        Raises `LrmError` where the computer was suspended or the program stopped meanwhile: who wakes it did not ask
-        the arm to move. A daemon ends such a client's lease by itself.
-        """
+        """Waits; not for a negative time."""
         wait, began = max(0.0, seconds), _time()
         time.sleep(wait)
-        if (away := _time() - began - wait) > AWAY_S:
-            raise LrmError(f"this computer or program stood still for {away:.0f} s; begin again where the arm may move")
+        _check_away(_time() - began - wait)
+
+
+def _check_away(seconds: float) -> None:
+    if seconds > AWAY_S:
+        raise LrmError(f"this computer or program stood still for {seconds:.0f} s; begin again where the arm may move")
 
 
 @dataclass(frozen=True)

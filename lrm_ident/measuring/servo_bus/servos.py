@@ -17,8 +17,9 @@ from typing import NoReturn
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
 from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
-from lrm_ident.measuring.servo_bus.torque_on import MIDDLE, STEP, JointServo, bound_torque, released, switch_on
+from lrm_ident.measuring.servo_bus.torque_on import JointServo, bound_torque, released, switch_on
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_goal import MIDDLE, STEP
 from lrm_math.arm.servo_settings import JointServoSettings, ServoSettings
 from lrm_math.errors import LrmError
 

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lrm_ident.measuring.servo_bus.bus import NoAnswer, ServoHost
+from lrm_math.arm.servo_goal import standing_goal
 from lrm_math.errors import LrmError
 
-STEP = 2.0 * math.pi / 4096.0
-"""rad for one count."""
-MIDDLE = 2048
 TORQUE = 0.6
 """Share of a servo's greatest torque that it may use."""
-MOST_SWAY = 11
-"""Counts, a degree: a joint that stands further beyond its servo's limits gets no torque."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +52,7 @@ def switch_on(host: ServoHost, servos: Sequence[JointServo]) -> None:
 def goal_at(host: ServoHost, servo: JointServo) -> int:
     """The goal (counts) at which a servo does not move. Raises `LrmError`: it would turn to within its limits."""
     at = host.read_with_retries(servo.number, host.kind.position)
-    goal = min(max(at, servo.least), servo.greatest)
-    if abs(goal - at) > MOST_SWAY:
-        stands, least, most = (math.degrees((n - MIDDLE) * STEP) for n in (at, servo.least, servo.greatest))
-        off = math.degrees(abs(goal - at) * STEP)
-        raise LrmError(
-            f"{servo.joint} stands at {stands:.1f} deg, {off:.1f} deg beyond its servo's own limits, {least:.0f} to "
-            f"{most:.0f} deg: with torque it would turn there at once; move it by hand to within them"
-        )
-    return goal
+    return standing_goal(servo.joint, at, servo.least, servo.greatest)
 
 
 def bound_torque(host: ServoHost, numbers: Sequence[int], share: float) -> None:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
-SHOWN, ALSO = 8, ", acts elsewhere too"
+SHOWN, ALSO = 8, ", acts otherwise too"
 TRACKERS_SCALE = "tracker's scale"
 STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
@@ -240,17 +240,17 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
         others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
     possible = [taken for taken in steps if taken[1].kind == Support.POSSIBLE_CAUSE]
-    elsewhere = {step.added for step, *_ in possible} & {*course.report.misspecified}
+    otherwise = {step.added for step, *_ in possible} & {*course.report.misspecified}
     ratios = [
-        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in elsewhere else ''})"
+        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in otherwise else ''})"
         for step, one, explained in possible
     ]
     if ratios:
         candidates = enumerate_words(ratios, len(ratios))
-        or_elsewhere = ", or if it acts elsewhere," if elsewhere else ""
+        or_otherwise = ", or if it acts otherwise," if otherwise else ""
         yield (
             f"Candidate causes: {candidates}. In brackets: the squared error that stays "
-            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_elsewhere} "
+            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_otherwise} "
             "another cause may stand behind it."
         )
     if terms := named("empirical term"):

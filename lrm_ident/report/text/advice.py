@@ -17,7 +17,7 @@ NEXT_STEP = {
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep, or noise larger than stated."
     ),
-    Verdict.NOTHING_MISSING: "Gives the model to lrmd; nothing moves yet. verify moves the arm.",
+    Verdict.NOTHING_MISSING: "Save the model and give it to the rover: lrm deploy MODEL.",
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
         "(noise_sd_mm), and diagnose again."

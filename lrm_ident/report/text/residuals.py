@@ -16,6 +16,7 @@ from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.regime import UNITS, Regime
 from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
 from lrm_math.arm.place_names import place_words
+from lrm_math.effects.tracker_errors import FRAME_TYPICAL
 
 UNSEEN = "the fit saw none of these poses: the model's own error is a held-out one"
 BLACK_BOX = "a black-box model, which learns the pattern of the error but no cause,"
@@ -30,10 +31,7 @@ QUESTIONS = {
     ("order", "middle"): "Did something move, or did somebody touch the arm?",
 }
 """What may have caused a regime, by the kind of its variable and where the interval lies."""
-A_LENGTH = (
-    "no pose distinguishes {} from longer links. A known length does: measure some distances, too (distance_mm), with "
-    "a string or a ball bar."
-)
+A_LENGTH = "A known length does: measure some distances, too (distance_mm), with a string or a ball bar."
 NEIGHBOURS = {1: "before", -1: "after"}
 
 
@@ -126,9 +124,13 @@ def scale_sentence(scale: ScaleUncertainty | None) -> str:
     if scale is None:
         return ""
     if scale.sd is None or scale.at_tip is None:
-        return f"taken as right across that direction: {A_LENGTH.format('a scale along all axes together')}"
-    known = f"known to ± {1e3 * scale.sd:.2g} mm/m along all axes together, ± {1e3 * scale.at_tip:.2g} mm"
-    return f"{known} at the deployed tip: {A_LENGTH.format('it')}"
+        along = "no pose distinguishes a scale along all axes together from longer links"
+        return f"taken as right across that direction: {along}. {A_LENGTH}"
+    return (
+        f"known to ± {1e3 * scale.sd:.2g} mm/m along all axes together, ± {1e3 * scale.at_tip:.2g} mm at the deployed "
+        f"tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may err by more. "
+        f"No pose distinguishes it from longer links. {A_LENGTH}"
+    )
 
 
 def hint_sentence(hint: ParameterHint) -> str:
@@ -155,4 +157,5 @@ def shifted_sentence(rows: ShiftedRows) -> str:
 
 def arrows_caption(scale: ArrowScale) -> str:
     """Caption of a picture of the errors."""
-    return f"arrows × {scale.magnification:g}, colours to {scale.largest * 1e3:g} mm: the same for all steps"
+    enlarged = f"{scale.magnification:g} times enlarged, colours to {scale.largest * 1e3:g} mm"
+    return f"Dots: measured positions of the tip. Arrows: measured minus predicted, {enlarged}, alike in all steps."

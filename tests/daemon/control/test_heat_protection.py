@@ -319,6 +319,39 @@ def test_an_arm_whose_way_to_rest_is_blocked_says_so_once_and_may_be_moved(sim: 
     assert sim.codes().count("rest_blocked") == 1
 
 
+def test_a_reset_of_a_hot_arm_moves_nothing_and_the_next_motion_brings_it_to_rest(sim: HeatingDaemon) -> None:
+    sim.arm(LEANING)
+    sim.seconds(1)
+    sim.heat(90.0)
+    sim.unplugged = 20
+    sim.seconds(0.5)
+    assert (sim.core.mode, sim.limp) == (Mode.FAULT, False)
+    there = sim.ramp.position
+    sim.request(ResetRequest(lease=sim.token))
+    sim.heat(90.0)
+    sim.seconds(0.5)
+    assert (sim.core.mode, sim.ramp.position) == (Mode.HOLDING, there)
+    assert sim.codes().count("rest_waits") == 1
+    with pytest.raises(RequestError, match="would hold 0.89 instead of 0.43 Nm"):
+        sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": 0.0}]))
+    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": -0.65}]))
+    sim.seconds(4)
+    assert sim.at_rest
+
+
+def test_an_arm_that_cooled_after_a_reset_goes_to_rest_when_it_is_hot_again(sim: HeatingDaemon) -> None:
+    sim.arm(LEANING)
+    sim.seconds(1)
+    sim.unplugged = 20
+    sim.seconds(0.5)
+    sim.request(ResetRequest(lease=sim.token))
+    sim.seconds(0.2)
+    assert "rest_waits" not in sim.codes()
+    sim.heat(90.0)
+    sim.seconds(4)
+    assert sim.at_rest
+
+
 ACTIONS = st.sampled_from(["arm", "move", "hold", "relax", "reset", "estop", "lease", "no lease", "ramp", "unplug"])
 
 

@@ -25,6 +25,7 @@ from lrmd.link.protocol import BoardStatus, ErrorCode
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.faults import (
     BrownOut,
+    ChipPowerLoss,
     ChipSilence,
     ClearFrameFaults,
     Fault,
@@ -474,6 +475,15 @@ def test_a_silent_chip_comes_back() -> None:
     assert link.board.chip.width(0) == 302
 
 
+def test_a_chip_that_lost_its_power_needs_a_setup() -> None:
+    link = with_faults("chiploss 0.1 at 1")
+    boot = protocol.ack_of(say(link, protocol.arm(1, {0: 300}), SECOND - 1)).boot
+    assert protocol.error_of(say(link, protocol.arm(2, {0: 301}), SECOND)).code == ErrorCode.CHIP
+    assert protocol.error_of(say(link, protocol.arm(3, {0: 302}), SECOND + 100 * MS)).code == ErrorCode.CHIP
+    assert widths(link.board.chip) == [None] * 16
+    assert protocol.ack_of(say(link, protocol.setup(4, 121, 500), SECOND + 101 * MS)).boot == boot
+
+
 FAULTS: list[tuple[str, Fault]] = [
     ("flip 0.01", FrameFault(bit_flipped, 0.01)),
     ("lose frame 7 both", FrameFault(lost, frame=7, direction="both")),
@@ -482,6 +492,7 @@ FAULTS: list[tuple[str, Fault]] = [
     ("hangup 2", HangUp(2.0)),
     ("brownout 0", BrownOut(0.0)),
     ("chip 1", ChipSilence(1.0)),
+    ("chiploss 1", ChipPowerLoss(1.0)),
     ("calm", ClearFrameFaults()),
 ]
 

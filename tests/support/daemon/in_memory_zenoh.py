@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -84,6 +85,7 @@ class AtOnce(Inbox):
     """An inbox whose work is done when it is put in."""
 
     def put(self, size: int, work: Callable[[], Send]) -> None:
+        self.came = time.monotonic_ns()
         work()()
 
 
@@ -154,7 +156,7 @@ class InMemoryDaemon:
             self.server.publish_event(event.code, self.published[-1])
         self.sim.core.events.clear()
 
-    def handle(self, tail: str, request: Message) -> Message:
+    def handle(self, tail: str, request: Message, came: int) -> Message:  # noqa: ARG002
         self.sim.settle()
         result = self.sim.core.handle(request, self.sim.now)
         self._flush()

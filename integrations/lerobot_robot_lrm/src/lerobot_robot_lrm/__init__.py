@@ -18,7 +18,9 @@ if find_spec("lerobot") is not None:
     from lerobot_robot_lrm.processor import CalibratedAction, CalibratedObservation
     from lerobot_robot_lrm.registration import CalibratedForm, CalibratedPairForm, register_calibrated_robots
     from lrm_math.arm.lerobot_late_replies import drop_late_replies
+    from lrm_math.arm.lerobot_torque_on import torque_on_where_they_stand
 
     __all__ += ["CalibratedAction", "CalibratedForm", "CalibratedObservation", "CalibratedPair"]
     __all__ += ["CalibratedPairForm", "CalibratedRobot", "calibrated_processors", "drop_late_replies"]
+    __all__ += ["torque_on_where_they_stand"]
     register_calibrated_robots()

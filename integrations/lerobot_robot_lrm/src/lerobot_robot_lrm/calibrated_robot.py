@@ -13,6 +13,7 @@ from lerobot_robot_lrm.servo_check import require_servos_of
 from lerobot_robot_lrm.units import radians_per_unit
 from lerobot_robot_lrm.wrapped_robot import WrappedRobot
 from lrm_math.arm.lerobot_late_replies import drop_late_replies
+from lrm_math.arm.lerobot_torque_on import torque_on_where_they_stand
 from lrm_math.errors import LrmError
 
 
@@ -29,6 +30,7 @@ class CalibratedRobot(WrappedRobot):
         self.arm = CorrectedArm(config.model, found)
         self.arm.check_names(robot.action_features, robot.name)
         drop_late_replies(robot)
+        torque_on_where_they_stand(robot)
 
     @property
     def correction(self) -> Correction:
@@ -38,11 +40,11 @@ class CalibratedRobot(WrappedRobot):
     def connect(self, calibrate: bool = True) -> None:
         """Connects the wrapped robot.
 
-        Raises `LrmError`: its units are neither degrees nor −100 … 100, or its servos are set otherwise than those that
-        the model was measured with.
+        Raises `LrmError`: a motor stands beyond its own limits, its units are neither degrees nor −100 … 100, or its
+        servos are set otherwise than those that the model was measured with.
         """
-        self.robot.connect(calibrate)
         try:
+            self.robot.connect(calibrate)
             if not self.config.accept_settings:
                 require_servos_of(self.config.model, self.robot, self.correction.names, "--robot.accept_settings=true")
         except LrmError:

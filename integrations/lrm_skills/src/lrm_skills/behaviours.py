@@ -13,13 +13,14 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 
 from lrm_math.errors import LrmError
-from lrmd.client import Rover
+from lrmd.client import RequestRefused, Rover
 from lrmd.messages.skills import SkillName, SkillState
 
 
 class SkillBehaviour(Behaviour):  # type: ignore[misc] # py_trees may be absent
     """One skill of a rover whose lease is held; `fields` are those of `SkillRequest`. Succeeds with the outcome
-    `reached`, fails with any other; `outcome` is "refused" where the daemon did not begin it."""
+    `reached`, fails with any other; `outcome` is "refused" where the daemon did not begin it, and "stopped", too, where
+    nothing is known of it any more: the arm was told to hold."""
 
     def __init__(self, rover: Rover, skill: SkillName, name: str = "", **fields: Any) -> None:
         super().__init__(name or skill)
@@ -32,8 +33,9 @@ class SkillBehaviour(Behaviour):  # type: ignore[misc] # py_trees may be absent
         self._begun = None
         try:
             self._begun = self._rover.skill(self._skill, wait=False, **self._fields)
-        except LrmError as refused:
-            self.outcome, self.feedback_message = "refused", str(refused)
+        except LrmError as error:
+            self.outcome = "refused" if isinstance(error, RequestRefused) else "stopped"
+            self.feedback_message = str(error)
 
     def update(self) -> Status:
         """What came of it so far."""

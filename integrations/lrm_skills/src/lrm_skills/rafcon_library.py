@@ -19,7 +19,7 @@ from rafcon.core.states.hierarchy_state import HierarchyState
 from rafcon.core.storage import storage
 
 from lrm_math.errors import LrmError
-from lrmd.client import Rover
+from lrmd.client import RequestRefused, Rover
 from lrmd.messages.skills import Outcome, SkillName
 
 ROVER, LOOK_S = "lrm_rover", 0.05
@@ -46,9 +46,9 @@ def run_skill(state: Any, skill: SkillName, fields: Mapping[str, Any], outputs: 
         raise LrmError(f"the global variable {ROVER} has no rover; call lrm_skills.rafcon_library.give_rover first")
     try:
         now = rover.skill(skill, wait=False, **fields)
-    except LrmError as refused:
-        outputs["text"] = str(refused)
-        return "refused"
+    except LrmError as error:
+        outputs["text"] = str(error)
+        return "refused" if isinstance(error, RequestRefused) else "stopped"
     while now.outcome == "running":
         if state.preemptive_wait(LOOK_S):
             rover.hold()

@@ -21,6 +21,7 @@ from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.doors.servos_door import CampaignDoor, campaign_over_bus
+from tests.doors.simulated_follower import GoalKeepingServo
 from tests.ident.measuring.feetech.test_feetech_servos import BusLine, line_of
 
 ARM = load_arm("so101")
@@ -81,26 +82,17 @@ def test_where_a_servo_would_turn_there_none_gets_torque(which: int, at: int, co
     assert angles(line) == before
 
 
-class TorqueOnGoalServo(FeetechServo):
-    """One whose firmware switches torque on with a goal: nothing forbids it to."""
+class TorqueByRegisterServo(FeetechServo):
+    """One whose firmware switches torque on by its register alone."""
 
     def write(self, address: int, data: bytes) -> None:
+        before = self.powered
         super().write(address, data)
-        if address <= table.GOAL_POSITION.address < address + len(data):
-            table.TORQUE_ENABLE.write(self.memory, 1)
+        if not address <= table.TORQUE_ENABLE.address < address + len(data):
+            table.TORQUE_ENABLE.write(self.memory, before)
 
 
-class GoalKeepingServo(FeetechServo):
-    """One whose firmware goes on to its last goal when torque comes on."""
-
-    def write(self, address: int, data: bytes) -> None:
-        goal = table.GOAL_POSITION.read(self.memory)
-        super().write(address, data)
-        if not address <= table.GOAL_POSITION.address < address + len(data):
-            table.GOAL_POSITION.write(self.memory, goal)
-
-
-@pytest.mark.parametrize("kind", [FeetechServo, TorqueOnGoalServo, GoalKeepingServo])
+@pytest.mark.parametrize("kind", [FeetechServo, TorqueByRegisterServo, GoalKeepingServo])
 def test_whatever_the_firmware_does_with_an_old_goal_nothing_turns(kind: type[FeetechServo]) -> None:
     line = BusLine(FeetechBus([kind(number) for number in NUMBERS]))
     for servo, at in zip(line.bus.servos, (900, 1500, 2500, 3300, 60), strict=True):
@@ -170,7 +162,7 @@ def test_a_lost_answer_is_asked_for_again() -> None:
         assert all(servo.powered for servo in line.bus.servos), which
 
 
-@pytest.mark.parametrize(("silent", "kind"), [(None, FeetechServo), (3, FeetechServo), (None, TorqueOnGoalServo)])
+@pytest.mark.parametrize(("silent", "kind"), [(None, FeetechServo), (3, FeetechServo), (None, TorqueByRegisterServo)])
 @pytest.mark.usefixtures("hurried")
 def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None, kind: type[FeetechServo]) -> None:
     """From any question on: the others are released, and whatever may have torque is named."""
@@ -215,15 +207,15 @@ FALL = 0.3
 """rad, less than that by which a joint that is held up may be behind."""
 
 
-@pytest.fixture
-def door() -> Iterator[CampaignDoor]:
-    with campaign_over_bus(FEETECH, TorqueOnGoalServo, FeetechBus, CampaignDoor, 3) as opened:
-        opened.torque_on()
-        yield opened
-
-
 class PlainServo(FeetechServo):
     """Of its own class, so that the door lets it stand within its limits."""
+
+
+@pytest.fixture
+def door() -> Iterator[CampaignDoor]:
+    with campaign_over_bus(FEETECH, PlainServo, FeetechBus, CampaignDoor, 3) as opened:
+        opened.torque_on()
+        yield opened
 
 
 def falls(servo: FeetechServo) -> float:
@@ -263,3 +255,17 @@ def test_in_motion_it_ends_within_a_glance_and_says_what_still_has_torque() -> N
         others = "shoulder_pan, elbow_flex, wrist_flex, wrist_roll"
         with pytest.raises(LrmError, match=f"^shoulder_lift lost torque.*; torque is on, .* at {others}$"):
             raise_named(door)
+
+
+@pytest.mark.parametrize("seconds", [0.51, 0.55, 0.6, 0.65, 0.69])
+def test_a_supply_that_was_off_for_a_moment_is_noticed_before_the_next_command(seconds: float) -> None:
+    """A goal would switch the torque on, unbounded: the joint would be pulled back from where it fell to."""
+    with campaign_over_bus(FEETECH, PlainServo, FeetechBus, CampaignDoor, 3) as door:
+        door.torque_on()
+        door.ask([-0.8, -0.8, 0.8, 0.8, 0.8])
+        door.pass_time(seconds)
+        lies, stands = falls(door.servos[1]), door.commanded()
+        door.pass_time(3.0)
+        assert door.time.failed[0].startswith("shoulder_lift lost torque")
+        assert (door.servos[1].angle, door.servos[1].powered) == (lies, False)
+        assert door.commanded()[2:] == stands[2:]
