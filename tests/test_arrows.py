@@ -38,9 +38,11 @@ IMPORT = re.compile(r"^ *(?:from ([\w.]+) import|import ([\w.]+))", re.MULTILINE
 """The module of each line that imports, also in code that is written as text."""
 LATE = {
     "lrm_ident/data/notebook/__init__.py": {"lrm_ident.workbench.notebook"},
+    "lrm_ident/diagnosis/diagnosis_report.py": {"lrm_ident.report.text.reasons"},
+    "lrm_ident/study/notices.py": {"lrm_ident.report.text.notices"},
     "lrm_ident/study/study.py": {"lrm_ident.report.summary"},
 }
-"""Modules above a file that it looks up by name, once a person asks for a picture or a summary."""
+"""Modules above a file that it looks up by name, once a person asks for a picture, a summary or a reason."""
 
 
 @pytest.mark.parametrize("package", LAYERS)

@@ -21,6 +21,7 @@ from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.progress import OnProgress, Progress, TimeOfParts
 from lrm_ident.report.document import Block, Document, ResultTable, write
 from lrm_ident.study import inputs
+from lrm_ident.study.notices import Notice
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError, UnknownName
@@ -148,7 +149,7 @@ def read_poses(path: Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
     return poses
 
 
-def notice(*notices: str) -> None:
+def notice(*notices: str | Notice) -> None:
     """Tells a person something, one line each, on stderr."""
     for words in notices:
         log.print(f"notice: {words}", markup=False, highlight=False)

@@ -21,7 +21,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.advice import next_poses
+from lrm_ident.design.advice import IndistinguishableByOffer, next_poses
 from lrm_ident.design.candidate_poses import (
     ANY,
     ClearanceRules,
@@ -43,6 +43,7 @@ from lrm_ident.fitting.transfer import TransferredModel, transferred
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
 from lrm_ident.report.design import choice_document, design_document, elimination_document, pose_table
 from lrm_ident.report.plots.design import draw_choice, draw_design, draw_elimination
+from lrm_ident.report.text.advice import advice_sentence, plan_options
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
@@ -234,7 +235,12 @@ def design(
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
         offer = _offer(movable, poses, levels, loads, rules, seed, session)
-        found = next_poses(task, offer, tick, pool)
+        try:
+            found = next_poses(task, offer, tick, pool)
+        except IndistinguishableByOffer as error:
+            plan = error.advice.plan if error.advice.helps else None
+            options = "" if plan is None else f" (--separate … {plan_options(plan)})"
+            raise LrmError(f"{error}. {advice_sentence(error.advice)}{options}") from None
     publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
     if floor_mm != "none":
         _say_floor(movable, found.poses.q, None if poses is not None else rules.floor)
@@ -385,10 +391,10 @@ def _say_floor(arm: Arm, q: Array, floor: float | None) -> None:
         )
 
 
-def _in_view(camera: CameraSession, arm: Arm, q: Array) -> tuple[Array, str]:
+def _in_view(camera: CameraSession, arm: Arm, q: Array) -> Array:
     """The angles at which the camera sees the board. Raises `LrmError` if there are none."""
     seen = q[visible(camera, arm, poses_of(q))]
-    words = f", {len(seen)} of these show the board to the camera"
     if not len(seen):
-        raise LrmError(f"{len(q)} poses keep clear{words}; move the camera, or turn the board on the tool")
-    return seen, words
+        none = f"{len(q)} poses keep clear, 0 of these show the board to the camera"
+        raise LrmError(f"{none}; move the camera, or turn the board on the tool")
+    return seen

@@ -40,13 +40,14 @@ from lrm_ident.report.diagnosis.course import course_document, proposal_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.document import write
+from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.report.step_card import of_data
 from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
-from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
+from lrm_ident.study.field_step import NoBetterPrediction
 from lrm_ident.study.inputs import read_study
 from lrm_ident.study.model_history import check_replaces
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -224,7 +225,7 @@ def _with_field(study: Study) -> Study:
     except NoBetterPrediction as refused:
         show(f"{str(refused)[0].upper()}{str(refused)[1:]}.")
         return study
-    show(*error_blocks(then.errors, f"Then a residual field, {WHAT_IT_IS}"))
+    show(*error_blocks(then.errors, f"Then a residual field, {WHAT_A_FIELD_IS}"))
     return then
 
 

@@ -36,9 +36,10 @@ from lrm_ident.report.effects import effect_blocks, listed
 from lrm_ident.report.fit import DIAGNOSE_WILL, comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
+from lrm_ident.report.text.notices import fit_words
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import arm_from
-from lrm_ident.study.model_history import check_replaces, fit_words, undo_step, write_model
+from lrm_ident.study.model_history import check_replaces, undo_step, write_model
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm

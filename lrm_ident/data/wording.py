@@ -10,8 +10,6 @@ from lrm_math.arm.arm import Arm
 LEAST, MOST = 2, 6  # decimals
 UNSEEN = "at poses not in the fit"
 """What *held out* says of an error, where it stands first."""
-BLACK_BOX = "a black-box model, which learns the pattern of the error but no cause,"
-"""What *black-box model* means, where it stands first."""
 SMALLEST_P = 1e-15
 SENSELESS = 1e5
 """Standard error, in units for a person (deg, mm, rad/Nm), beyond which nothing at all is known."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.design.candidate_poses import ClearanceRules, floor_above_table, random_poses
-from lrm_ident.design.expected_lead import NEEDED, CandidateCause, CausePair, as_measured, expected
+from lrm_ident.design.expected_lead import CandidateCause, CausePair, as_measured, expected
 from lrm_ident.design.pose_design import (
     CandidateSet,
     DesignProblem,
@@ -26,7 +26,7 @@ from lrm_ident.design.pose_design import (
 )
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE, Z_THRESHOLD
+from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -41,11 +41,11 @@ SECOND_LOAD_KG = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeasuringPlan:
-    """Poses to measure, in this order: `poses`, in words `how`, and as options of `design`."""
+    """Poses to measure, in this order, with some loads (kg); `hold`: s before the reading of half of them, 0: none."""
 
     poses: Poses
-    how: str
-    options: str
+    loads: tuple[float, ...]
+    hold: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,30 +74,13 @@ class Advice:
     def _together(self) -> set[frozenset[str]]:
         return {frozenset((pair.there, pair.instead)) for pair in self.alike}
 
-    @property
-    def _provided(self) -> str:
-        alike = next((pair for pair in self.pairs if pair.told and pair.one_form), None)
-        return "" if alike is None else f", if the formula of {alike.there} or {alike.instead} is exact"
 
-    @property
-    def sentence(self) -> str:
-        """What to measure and what it will tell; or that nothing will, and why."""
-        if self.plan is None:
-            return "No pose that keeps clear was found, so no poses can be proposed."
-        if self.works:
-            least = min(pair.lead for pair in self.pairs)
-            return (
-                f"{self.plan.how}, distinguish them: the true cause is expected to lead by {least:.1f} standard errors "
-                f"or more ({Z_THRESHOLD:g} are needed){self._provided}."
-            )
-        worst = self.alike[0]
-        why = (
-            f"they move the tip alike (cosine {worst.cosine:.2f})"
-            if worst.cosine > EQUIVALENCE_COSINE
-            else f"it would lead by {worst.lead:.1f} standard errors, and {NEEDED:.1f} must be expected"
-        )
-        none = f"No poses tried can distinguish {worst.there} from {worst.instead}: {why}"
-        return f"{none}; {self.plan.how}, distinguish the others." if self.helps else f"{none}, with {self.plan.how}."
+class IndistinguishableByOffer(Indistinguishable):
+    """The candidates do not tell the rivals apart; `advice`: on others."""
+
+    def __init__(self, words: str, advice: Advice) -> None:
+        super().__init__(words)
+        self.advice = advice
 
 
 def advise(
@@ -136,7 +119,7 @@ def next_poses(
 ) -> PoseDesign:
     """The design of some candidates, its rivals tried by simulation.
 
-    Raises `LrmError`: no design; where the candidates cannot tell the rivals apart, with the advice on others.
+    Raises `LrmError`: no design; `IndistinguishableByOffer`: the candidates cannot tell the rivals apart.
     """
     try:
         return tried(problem, design(problem, candidates.poses, progress, executor))
@@ -144,8 +127,7 @@ def next_poses(
         keys = beside(problem, problem.keys or fittable(problem.model))
         model = problem.model.with_free(keys)
         advice = advise(model, problem.likely(keys), problem.measured, problem.noise, problem.seed)
-        offer_words = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
-        raise Indistinguishable(f"{error}. {advice.sentence}{offer_words}") from None
+        raise IndistinguishableByOffer(str(error), advice) from None
 
 
 def _least(pairs: Sequence[CausePair]) -> tuple[int, float]:
@@ -178,17 +160,13 @@ def _advice(
     every = Poses(np.tile(offered, (len(kilograms), 1)), np.repeat(kilograms, len(offered)))
     rivals = tuple(cause.effect for cause in causes)
     problem = DesignProblem(model, model.free, rivals, count, "O1", noise, measured, 0, 1, seed, causes=tuple(causes))
-    waiting = ""
+    hold = 0.0
     try:
         found = design(problem, every)
         poses, pairs = as_measured(found.poses, measured, found.hold), found.pairs
-        if found.dwell:
-            waiting = f", half of them held for {found.dwell:g} s before the reading"
+        hold = found.dwell
     except LrmError:
         rng = np.random.default_rng(seed)
         poses = as_measured(every.take(rng.choice(len(every), count, replace=False)), measured)
         pairs = expected(model, causes, [poses] if measured is None else [measured, poses], noise)
-    grams = ",".join(f"{1e3 * load:g}" for load in kilograms)
-    carrying = "without a load" if kilograms == (0.0,) else f"with {' and '.join(grams.split(','))} g"
-    how = f"{count} poses at any angles, {carrying}, each joint coming from both sides, in random order{waiting}"
-    return Advice(MeasuringPlan(poses, how, f"--levels any --loads-g {grams} -n {count}"), pairs)
+    return Advice(MeasuringPlan(poses, kilograms, hold), pairs)

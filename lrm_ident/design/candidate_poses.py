@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.design.pose_design import CandidateSet
+from lrm_ident.design.pose_design import CandidateSet, ClearAngles
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import segment_to_box, segment_to_segment
@@ -31,8 +31,8 @@ MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly 
 ANY, MOST_DRAWS, RANDOM_CANDIDATES = "any", 40, 1000
 """Levels of joints that may stand anywhere, as where nobody states any: few levels leave open how a joint errs between
 them. How often poses are drawn for that; how many are offered."""
-Narrowing = Callable[[Array], tuple[Array, str]]
-"""From angles (N, n) in rad to those that may be used, and words on them that follow those on the others."""
+Narrowing = Callable[[Array], Array]
+"""From angles (N, n) in rad to those that may be used."""
 
 
 @dataclass(frozen=True)
@@ -204,14 +204,12 @@ def clear_poses(
     """
     drawn = RANDOM_CANDIDATES if narrowed is None else MOST_CANDIDATES
     clear = candidate_grid(arm, levels, rules) if levels else _at_any_angles(arm, drawn, rules, seed)
-    q, more = (clear.q, "") if narrowed is None else narrowed(clear.q)
-    what = f"{clear.tried} combinations of levels" if levels else f"{clear.tried} random poses"
-    words = f"{len(clear.q)} of {what} keep clear{more}"
-    most = MOST_CANDIDATES // len(payloads)
-    if len(q) > most:
+    q = clear.q if narrowed is None else narrowed(clear.q)
+    seen, most = None if narrowed is None else len(q), MOST_CANDIDATES // len(payloads)
+    thinned = len(q) > most
+    if thinned:
         q = q[np.sort(np.random.default_rng(seed).choice(len(q), most, replace=False))]
-        words += f"; {most} of them, drawn at random, are looked at"
-    if not arm.shapes.capsules:
-        words += "; the arm has no shapes, so only the lines between its joints were held to the rules"
+    shapeless = not arm.shapes.capsules
+    origin = ClearAngles(len(clear.q), clear.tried, not levels, seen, most if thinned else None, shapeless)
     every = Poses(np.tile(q, (len(payloads), 1)), np.repeat(payloads, len(q)))
-    return CandidateSet(every, words, clear.rejected)
+    return CandidateSet(every, origin, clear.rejected)

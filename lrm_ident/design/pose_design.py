@@ -116,11 +116,29 @@ class PoseDesign:
 
 
 @dataclass(frozen=True, eq=False)
+class ClearAngles:
+    """Origin of candidate poses.
+
+    Attributes:
+        clear: angles that keep the rules, of those `tried`. random: whether they are random, no combinations of levels.
+        seen: of the clear ones, those that the camera sees; None without a camera. drawn: of these, those that were
+            drawn at random, where they are too many. shapeless: whether the arm has no shapes to be kept clear.
+    """
+
+    clear: int
+    tried: int
+    random: bool
+    seen: int | None
+    drawn: int | None
+    shapeless: bool
+
+
+@dataclass(frozen=True, eq=False)
 class CandidateSet:
-    """Candidate poses, a description of their origin, and how many combinations each rule rejected."""
+    """Candidate poses, their origin (of a file as its reader describes it), and how many each rule rejected."""
 
     poses: Poses
-    description: str
+    origin: ClearAngles | str
     rejected: dict[str, int]
 
 

@@ -230,8 +230,8 @@ def objection_to_estimates(
     if wald_p_value(fitted, keys) > MAX_WALD_P:
         return Reason(ReasonKind.NEAR_ZERO)
     keys_before = {estimate.key for estimate in before}
-    new = [estimate.sentence for estimate in implausible_of(fitted) if estimate.key not in keys_before]
-    return Reason(ReasonKind.ABSURD, said=new[0]) if new else None
+    new = [estimate for estimate in implausible_of(fitted) if estimate.key not in keys_before]
+    return Reason(ReasonKind.ABSURD, subject=new[0]) if new else None
 
 
 def objection_to_prediction(before: Sequence[HeldOutBlock], after: Sequence[HeldOutBlock]) -> Reason | None:

@@ -4,41 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.diagnosis.claim import Estimate, claim_of, fitted_estimates, screened_estimates
+from lrm_ident.diagnosis.claim import claim_of, fitted_estimates, screened_estimates
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.judgement import Support, Verdict
-from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.reason import Claim, Estimate, Reason, ReasonKind
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.data_audit import Limitation, audit
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import ModelComparison
-from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.parameter_hints import ParameterHint, parameter_hints
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
 from lrm_ident.residual.thresholds import MIN_GAIN
 
-NEXT_STEP: Mapping[Verdict, str] = {
-    Verdict.UNEXPLAINED_STRUCTURE: (
-        "Search for a formula. If you know the cause, write it as an effect: docs/effects.md"
-    ),
-    Verdict.UNPREDICTABLE: (
-        "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
-        "one that does not is a loose part, creep, or noise larger than stated."
-    ),
-    Verdict.NOTHING_MISSING: "Save the model and give it to the rover: lrm deploy MODEL.",
-    Verdict.NOISE_UNKNOWN: (
-        "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
-        "(noise_sd_mm), and diagnose again."
-    ),
-}
-"""Advice after a verdict that names no cause."""
+WORDS = "lrm_ident.report.text.reasons"
+"""The module above that writes reasons; it is looked up when a person asks, and not before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +37,7 @@ class RankedCandidate:
         held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
         fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed.
         equivalent: names of effects that the data cannot distinguish from it.
-        claim: the effect with its estimates, in words; "" without evidence. reason: of the verdict.
+        claim: the effect with its estimates; None without evidence. reason: of the verdict.
     """
 
     scored: ScoredCandidate
@@ -58,12 +46,12 @@ class RankedCandidate:
     fit: Fit | None
     estimates: tuple[Estimate, ...]
     equivalent: tuple[str, ...]
-    claim: str
+    claim: Claim | None
     reason: Reason
     deployed: DeployedError | None = None
 
     def __repr__(self) -> str:
-        return f"<{self.name}, {self.verdict}: {self.why}>"
+        return f"<{self.name}, {self.verdict}: {self.reason.kind}>"
 
     @property
     def name(self) -> str:
@@ -73,7 +61,8 @@ class RankedCandidate:
     @property
     def why(self) -> str:
         """The reason in one sentence."""
-        return str(self.reason)
+        words: str = import_module(WORDS).reason_words(self.reason)
+        return words
 
     @property
     def exact(self) -> bool:
@@ -83,7 +72,7 @@ class RankedCandidate:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisReport(ShownInNotebook):
-    """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
+    """A diagnosis with its ranking and the limitations of the data.
 
     Attributes:
         fitted, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
@@ -103,10 +92,9 @@ class DiagnosisReport(ShownInNotebook):
     deployed: DeployedError
     ranking: tuple[RankedCandidate, ...]
     share: float
-    limitations: tuple[str, ...]
-    hint: str
+    limitations: tuple[Limitation, ...]
     patterns: ResidualPatterns
-    hints: tuple[str, ...]
+    hints: tuple[ParameterHint, ...]
     replicates: bool = True
     misspecified: tuple[str, ...] = ()
     beside: str = ""
@@ -180,7 +168,6 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data.poses, diagnosis.fit.equilibrium.joint_torque),
-        hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
         patterns=patterns,
         hints=parameter_hints(diagnosis.fit),
         replicates=confirmed.replicates,
@@ -212,7 +199,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     none = ReasonKind.UNCONFIRMED if confirmed.refused else ReasonKind.CHANCE
     other = Reason(ReasonKind.BEHIND if supported else none)
     reason = Reason(ReasonKind.REFUSED, (rms,), because=confirmed.refused.get(scored.name, other))
-    claim = ""
+    claim = None
     if equivalent or scored in supported:
         claim = claim_of(scored, estimates, fitted)
         verdict = Support.INDISTINGUISHABLE if equivalent else Support.SUPPORTED
@@ -222,20 +209,6 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
         reason = Reason(ReasonKind.LITTLE, (rms, before.rms))
     if function := diagnosis.unexplained.spurious.get(scored.name):
-        reason = Reason(ReasonKind.RESEMBLES, names=(function.name,))
+        reason = Reason(ReasonKind.RESEMBLES, subject=function)
     deployed = None if refit is None else DeployedError.of(refit.fit.model, diagnosis.data.poses, refit.blocks)
     return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)
-
-
-def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:
-    """One sentence on which poses would distinguish the first supported effect, if any, from its equivalents."""
-    kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
-    names = [name for candidate in first for name in (candidate.name, *diagnosis.equivalent[candidate.name])]
-    if not names:
-        return "Repeat a few poses to know the noise, and measure in random order with two loads."
-    plain = [name for name in names if name in kinds]
-    needs = dict.fromkeys(kinds[name].about.needs for name in plain if kinds[name].about.needs)
-    what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
-    if len(names) > 1 or kinds[names[0]].is_free_form:
-        return f"Measure poses that distinguish the possible causes: {what}."
-    return "Add the best candidate, refit everything, and diagnose again."

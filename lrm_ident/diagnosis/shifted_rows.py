@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 
-SHIFTS = {1: "before", -1: "after"}
+SHIFTS = (1, -1)
 FEWEST = 2  # rows of a block: one alone may come near its neighbour's position by chance
 
 
@@ -21,14 +21,6 @@ class ShiftedRows:
     first: int
     last: int
     shift: int
-
-    @property
-    def sentence(self) -> str:
-        """Description in words."""
-        return (
-            f"poses {self.first} to {self.last} look shifted by one row: each has the position of the row "
-            f"{SHIFTS[self.shift]} it"
-        )
 
 
 def shifted_rows(pose: NDArray[np.int64], measured: Array, predicted: Array, limit: float) -> tuple[ShiftedRows, ...]:

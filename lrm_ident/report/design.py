@@ -13,14 +13,16 @@ from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL
 from lrm_ident.design.expected_lead import NEEDED, TRIALS, CausePair
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
-from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
+from lrm_ident.design.pose_design import CandidateSet, ClearAngles, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
-from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
+from lrm_ident.report.text.advice import candidates_words
+from lrm_ident.report.text.claims import with_unit
+from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.residual.data_audit import audit
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -76,9 +78,11 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
-    limitations: tuple[str, ...] = ()  # poses that add to measured ones are audited with these
+    described = candidates_words(offer.origin) if isinstance(offer.origin, ClearAngles) else offer.origin
+    limitations: list[str] = []  # poses that add to measured ones are audited with these
     if task.measured is None and task.prior is None:
-        limitations = audit(found.poses, solve_equilibrium(task.model, found.poses).joint_torque)
+        torque = solve_equilibrium(task.model, found.poses).joint_torque
+        limitations = list(map(limitation_sentence, audit(found.poses, torque)))
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -93,14 +97,14 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     ]
     details: list[Block] = [
         *gains[1:],
-        f"Candidates: {offer.description}.",
+        f"Candidates: {described}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
         _error_table(found),
     ]
     values = {
         "candidates": len(offer.poses),
-        "candidates_in_words": offer.description,
+        "candidates_in_words": described,
         "refused": offer.rejected,
         "poses": len(found.rows),
         "repeats": repeats,

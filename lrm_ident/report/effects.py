@@ -11,12 +11,13 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.report.document import Block, ResultTable, heading
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import Effect, EffectRef, Parameter, compensable, marked
+from lrm_math.effects import NOT_A_CAUSE, Effect, EffectRef, Parameter, compensable, marked
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 MOST_PARAMETERS = 24
 EXAMPLE_ARM = "so101"
+WHAT_A_FIELD_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
 OFFLINE = "explains a measurement session; never deployed silently"
 
 

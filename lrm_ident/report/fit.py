@@ -17,10 +17,12 @@ from lrm_ident.fitting.prior_conflict import unusual_dimensions
 from lrm_ident.report.document import Block, CommandLine, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.text.notices import fit_words
+from lrm_ident.report.text.residuals import predictable_sentence, why_not_held_out
+from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
-from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_math.arrays import Array
@@ -60,8 +62,16 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     table = ResultTable(columns, rows, title)
     deployed = errors.held_out.deployed
     state = [] if deployed is None or deployed.state is None else [deployed.state.sentence_with(plain_name)]
-    none = [] if errors.held_out.error else [f"held out: none, because {errors.held_out.reason}"]
+    none = [] if errors.held_out.error else [f"held out: none, because {why_not_held_out(errors.held_out)}"]
     return [table, *none, *(words for words in state if words)]
+
+
+def error_values(errors: ErrorSummary) -> dict[str, object]:
+    """The table `error`."""
+    reason = {} if errors.held_out.error else {"held_out_reason": why_not_held_out(errors.held_out)}
+    nameless = {} if errors.nameless is None else {"nameless": errors.nameless}
+    values = {"nominal": errors.nominal, "fit": errors.fitted, "held_out": errors.held_out.error}
+    return {**values, "as_deployed": errors.held_out.deployed, **reason, **nameless}
 
 
 def differ(one: ErrorStats, other: ErrorStats) -> bool:
@@ -113,7 +123,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         "loss": fit.loss.name,
         "left_out": data.left_out,
         "prior": None if fit.stated is None else fit.stated.name,
-        "error": errors,
+        "error": error_values(errors),
         "residual_sd_per_axis_mm": fit.sigma * 1e3,
         "steps": fit.steps,
         "estimates": estimates(fit, se_at_bound=None),
@@ -181,7 +191,8 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     field = field_of(found.equilibrium.model)
     box = found.predictable
-    black_box = [] if box is None else [f"{box.sentence[0].upper()}{box.sentence[1:]}"]
+    said = "" if box is None else predictable_sentence(box)
+    black_box = [f"{said[0].upper()}{said[1:]}"] if said else []
     held_out = None if found.held_out.error is None else found.held_out.error.rms
     unseen = "" if held_out is None else f", {in_mm(held_out)} mm {wording.UNSEEN}"
     title = f"{poses_count(len(data))}, {free} parameters"
@@ -205,10 +216,15 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
         "poses": len(data),
         "parameters": free,
         "outside_range": [data.pose[row] for row in _rows_outside(found)],
-        "error": errors,
+        "error": error_values(errors),
         **({} if field is None else {"field": field_values(found, field)}),
         "factors": [
-            {"kind": f.kind, "name": f.name, "share": f.share, "groups": [_group(group) for group in f.groups]}
+            {
+                "kind": f.variable.kind,
+                "name": variable_name(f.variable),
+                "share": f.share,
+                "groups": list(map(_group, f.groups)),
+            }
             for f in found.factors
         ],
         "worst_poses": [
@@ -237,7 +253,7 @@ def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
     """What the error depends on most, if on anything."""
     if factors and factors[0].share >= LITTLE:
         share = in_percent(factors[0].share)
-        yield f"The error depends most on the {factors[0].name} ({share} % of the squared error)."
+        yield f"The error depends most on the {variable_name(factors[0].variable)} ({share} % of the squared error)."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:
@@ -336,7 +352,13 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
     columns = ("grouped by", "explains|", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
-        (f.name, "< 1 %" if 0 < f.share < 0.01 else f"{in_percent(f.share)} %", w.label, w.error.rms * 1e3, w.count)
+        (
+            variable_name(f.variable),
+            "< 1 %" if 0 < f.share < 0.01 else f"{in_percent(f.share)} %",
+            w.label,
+            w.error.rms * 1e3,
+            w.count,
+        )
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
     return ResultTable(columns, rows, "Where the model fails: share of the squared error that each explains, alone")
@@ -351,8 +373,8 @@ def _group_table(factor: Factor) -> ResultTable:
         bias = _vector(1e3 * np.array(group.bias), places)
         rows.append((group.label, group.count, *stats_in_mm(group.error)[:2], bias, *turn))
     if factor.groups[0].equivalent_rotation is not None:
-        columns.append(f"like q{factor.name.split()[-1]} deg|+.2f")
-    return ResultTable(columns, rows, f"By {factor.name}")
+        columns.append(f"like q{(factor.variable.joint or 0) + 1} deg|+.2f")
+    return ResultTable(columns, rows, f"By {variable_name(factor.variable)}")
 
 
 def _vector(mm: Array, places: int) -> str:

@@ -22,6 +22,7 @@ from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import StepCard, of_data, step_cards
 from lrm_ident.report.story import Kind, Story, story_of
+from lrm_ident.report.text.residuals import where
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
@@ -244,7 +245,9 @@ def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNa
     known = covariates(data, fitted.equilibrium.joint_torque)
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
-    regimes = {f"regime {one.where}": tuple(report.patterns.pose[one.rows].tolist()) for one in report.patterns.regimes}
+    regimes = {
+        f"regime {where(one)}": tuple(report.patterns.pose[one.rows].tolist()) for one in report.patterns.regimes
+    }
     far = tuple(int(numbers[row]) for row in report.far_rows)
     marked = {**(found.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
     return replace(found, diagnosis=diagnosis_document(report, names), candidates=views, marked=marked)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,29 +13,49 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
-Kind = Literal["angle", "motion", "torque", "load", "order", "time", "temperature", "total torque"]
-NAMES = {
-    "load": "load",
-    "order": "order of measurement",
-    "time": "time",
-    "temperature": "temperature",
-    "total torque": "sum of the joints' torques",
+Kind = Literal[
+    "angle",
+    "motion",
+    "torque",
+    "load",
+    "order",
+    "time",
+    "temperature",
+    "total torque",
+    "direction",
+    "x",
+    "y",
+    "z",
+    "force",
+    "region",
+]
+"""What a variable is: among them the direction of approach, an axis of the tip, the weight across a joint's axis."""
+SYMBOLS: Mapping[str, str] = {
+    "angle": "q{}",
+    "motion": "the last motion of q{}",
+    "torque": "tau{}",
+    "direction": "direction of approach of joint {}",
+    **{axis: f"position {axis}" for axis in "xyz"},
+    "force": "the force across its axis",
 }
-UNITS = {
-    "angle": "deg",
-    "motion": "deg",
-    "torque": "N·m",
-    "load": "g",
-    "order": "",
-    "time": "min",
-    "temperature": "°C",
-    "total torque": "N·m",
-}
-SYMBOLS = {"angle": "q", "motion": "the last motion of q", "torque": "tau"}
-OF_A_JOINT = re.compile(r"(the last motion of )?(q|tau)(\d+)( before)?")
-"""A symbol of a quantity of one joint; `before`: at the poses measured before."""
+"""Names in JSON of the kinds whose own name it is not, with the joint's number."""
 REDUNDANT = 0.999  # correlation above which a quantity is redundant beside another
 CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
+
+
+@dataclass(frozen=True)
+class ExplanatoryVariable:
+    """What an error may depend on; `joint`: from 0, of an angle, a motion, a torque; `before`: at the poses before."""
+
+    kind: Kind
+    joint: int | None = None
+    before: bool = False
+
+    @property
+    def symbol(self) -> str:
+        """Name in JSON, for instance `q2`, `tau2 before`, `load`."""
+        name = SYMBOLS.get(self.kind, self.kind).format("" if self.joint is None else self.joint + 1)
+        return f"{name}{' before' if self.before else ''}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,27 +71,13 @@ class Covariate:
     joint: int | None = None
 
     @property
-    def symbol(self) -> str:
-        """Symbol, for instance `q2`, `tau2`, `load`."""
-        if self.joint is None:
-            return self.kind
-        return f"{SYMBOLS[self.kind]}{self.joint + 1}"
-
-    @property
-    def name(self) -> str:
-        """Name in words, for instance `angle of joint 2`."""
-        if self.joint is None:
-            return NAMES[self.kind]
-        return f"{'last motion' if self.kind == 'motion' else self.kind} of joint {self.joint + 1}"
-
-    @property
-    def label(self) -> str:
-        """Name and unit, for an axis."""
-        return ", ".join(filter(None, (self.name, UNITS[self.kind])))
+    def variable(self) -> ExplanatoryVariable:
+        """Its kind and its joint, without the values."""
+        return ExplanatoryVariable(self.kind, self.joint)
 
     @cached_property
     def shown(self) -> Array:
-        """(N,), values in the unit of `label`; the order from 1."""
+        """(N,), values in deg, N·m, g, min, °C; the order from 1."""
         if self.kind in ("angle", "motion"):
             return np.degrees(self.values)
         if self.kind == "time":
@@ -88,15 +93,6 @@ class Covariate:
         values = scaled(self.values)
         top = min(degree, len(levels(values, 3)[0]) - 1)
         return np.asarray(np.polynomial.legendre.legvander(values, max(top, 0))[:, 1:], dtype=np.float64)
-
-
-def symbol_words(symbol: str) -> str:
-    """A symbol in words: `the angle of joint 2` of `q2`; one without a joint stands for itself."""
-    found = OF_A_JOINT.fullmatch(symbol)
-    if found is None:
-        return symbol
-    moved, kind, joint, before = (part or "" for part in found.groups())
-    return f"{moved}the {'angle' if kind == 'q' else 'torque'} of joint {joint}{before}"
 
 
 def covariates(data: Measurements, torque: Array) -> tuple[Covariate, ...]:
@@ -119,14 +115,14 @@ def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
         yield Covariate("temperature", poses.temperature)
 
 
-def distinct(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Standardised values (N,) by symbol, without constant ones and those that repeat an earlier one."""
-    out: dict[str, Array] = {}
-    for symbol, own in values.items():
+def distinct(values: Mapping[ExplanatoryVariable, Array]) -> dict[ExplanatoryVariable, Array]:
+    """Standardised values (N,) of variables, without constant ones and those that repeat an earlier one."""
+    out: dict[ExplanatoryVariable, Array] = {}
+    for variable, own in values.items():
         if np.ptp(own) > CONSTANT:
             x = (own - own.mean()) / own.std()
             if all(abs(x @ other) < REDUNDANT * len(x) for other in out.values()):
-                out[symbol] = x
+                out[variable] = x
     return out
 
 

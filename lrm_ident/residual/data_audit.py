@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -15,31 +17,60 @@ MOST_OF_RANGE = 2 / 3
 """Share of a joint's range from which a verdict speaks for the whole of it: a convention."""
 
 
-def audit(poses: Poses, torque: Array) -> tuple[str, ...]:
-    """Deficiencies of poses, measured or planned, one sentence each, the most severe first. `torque`: (N, n), N·m.
+class LimitationKind(StrEnum):
+    """What poses lack; the joints are those that lack it."""
+
+    FEW_ANGLES = "few_angles"
+    """Numbers: the fewest and the most different angles of such joints."""
+    ORDER = "order_follows_joint"
+    """Number: correlation of the joint's angle and the order."""
+    NO_REVERSAL = "no_reversal"
+    ONE_SIDED = "one_sided_torque"
+    ONE_LOAD = "one_load"
+
+
+@dataclass(frozen=True)
+class Limitation:
+    """Deficiency of poses. `joints`: from 1. See `LimitationKind`."""
+
+    kind: LimitationKind
+    joints: tuple[int, ...] = ()
+    numbers: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class MeasuredAngles:
+    """Where a joint (from 1) was measured: its few `levels`, or the range from `least` to `most` (deg)."""
+
+    joint: int
+    levels: tuple[float, ...]
+    least: float
+    most: float
+
+
+def audit(poses: Poses, torque: Array) -> tuple[Limitation, ...]:
+    """Deficiencies of poses, measured or planned, the most severe first. `torque`: (N, n), N·m.
 
     What to measure instead is the matter of `design.advice`, which tries it.
     """
     excitation = Excitation(poses, torque)
     checks = (_levels, _order, _reversals, _signs, _loads)
-    return tuple(sentence for check in checks for sentence in check(excitation))
+    return tuple(limitation for check in checks for limitation in check(excitation))
 
 
-def _levels(excitation: Excitation) -> Iterator[str]:
+def _levels(excitation: Excitation) -> Iterator[Limitation]:
     few = {i + 1: excitation.levels(i) for i in range(excitation.torque.shape[1]) if excitation.levels(i) <= FEW_LEVELS}
     if few:
-        least, most = min(few.values()), max(few.values())
-        levels = f"{least}" if least == most else f"{least} to {most}"
-        yield f"few angles: {levels} different ones at {_joints(few)}, so their errors look alike"
+        yield Limitation(LimitationKind.FEW_ANGLES, tuple(few), (min(few.values()), max(few.values())))
 
 
-def _order(excitation: Excitation) -> Iterator[str]:
+def _order(excitation: Excitation) -> Iterator[Limitation]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
-        yield f"order: follows joint {joint + 1} (correlation {correlation:.2f}), as drift would"
+        yield Limitation(LimitationKind.ORDER, (joint + 1,), (correlation,))
 
 
-def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
-    """Sentence on where a verdict of poses q (N, n) holds: at few levels of a joint, or in a part of its range (rad).
+def where_it_holds(q: Array, lower: Array, upper: Array) -> tuple[MeasuredAngles, ...]:
+    """Where a verdict of poses q (N, n) holds alone: at few levels of a joint, or in a part of its range (rad).
 
     Empty where every joint was measured at more levels than `FEW_LEVELS`, over most of its range.
     """
@@ -47,11 +78,11 @@ def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
     for joint, angle in enumerate(np.degrees(q.T)):
         levels = np.unique(np.round(2.0 * angle) / 2.0)
         share = np.ptp(angle) / np.degrees(upper[joint] - lower[joint])
-        if len(levels) <= FEW_LEVELS:
-            parts.append(f"joint {joint + 1} at {', '.join(f'{level:g}' for level in levels)} deg only")
-        elif share < MOST_OF_RANGE:
-            parts.append(f"joint {joint + 1} from {angle.min():.0f} to {angle.max():.0f} deg")
-    return f"only where it was measured: {'; '.join(parts)}" if parts else ""
+        few = len(levels) <= FEW_LEVELS
+        if few or share < MOST_OF_RANGE:
+            at = tuple(levels.tolist()) if few else ()
+            parts.append(MeasuredAngles(joint + 1, at, float(angle.min()), float(angle.max())))
+    return tuple(parts)
 
 
 def joints_of_order(q: Array) -> dict[int, float]:
@@ -61,25 +92,18 @@ def joints_of_order(q: Array) -> dict[int, float]:
     return {joint: correlation for joint, correlation in found.items() if abs(correlation) > STRONG_CORRELATION}
 
 
-def _reversals(excitation: Excitation) -> Iterator[str]:
+def _reversals(excitation: Excitation) -> Iterator[Limitation]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield f"no reversal: {_joints(never)} came from one side, so friction cannot show"
+        yield Limitation(LimitationKind.NO_REVERSAL, tuple(never))
 
 
-def _signs(excitation: Excitation) -> Iterator[str]:
+def _signs(excitation: Excitation) -> Iterator[Limitation]:
     same = [i + 1 for i, tau in enumerate(excitation.torque.T) if not excitation.both_signs(tau)]
     if same:
-        yield f"one-sided torque: gravity loads {_joints(same)} to one side, so backlash cannot show there"
+        yield Limitation(LimitationKind.ONE_SIDED, tuple(same))
 
 
-def _loads(excitation: Excitation) -> Iterator[str]:
+def _loads(excitation: Excitation) -> Iterator[Limitation]:
     if len(np.unique(excitation.poses.payload)) == 1:
-        yield "one load: stiffness, backlash and mass look alike"
-
-
-def _joints(numbers: Iterable[int]) -> str:
-    names = list(map(str, numbers))
-    if len(names) > 2 and len(names) == int(names[-1]) - int(names[0]) + 1:
-        return f"joints {names[0]} to {names[-1]}"
-    return f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"
+        yield Limitation(LimitationKind.ONE_LOAD)

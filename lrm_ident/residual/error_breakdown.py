@@ -21,7 +21,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.covariates import levels
+from lrm_ident.residual.covariates import ExplanatoryVariable, levels
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
@@ -32,7 +32,6 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 MAX_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
-UNSEEN = "the fit saw none of these poses: the model's own error is a held-out one"
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,7 @@ class Factor:
     `share`: adjusted R² (0 to 1) of the group means; descriptive, no test of a cause.
     """
 
-    kind: str
-    name: str
+    variable: ExplanatoryVariable
     share: float
     groups: tuple[PoseGroup, ...]
 
@@ -69,7 +67,7 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the reason why there is none.
+    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the error that prevents it.
 
     `deployed`: held-out error of the model as it is deployed.
     """
@@ -90,6 +88,11 @@ class HeldOutResidual:
         error = self.error
         words = self.reason if error is None else f"{in_mm(error.mean)} mm mean, {in_mm(error.rms)} mm RMS"
         return f"<{type(self).__name__}: {words}>"
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the model's own error is a held-out one: it was fitted to none of these poses."""
+        return self.residual is None and bool(self.blocks)
 
     @property
     def error(self) -> ErrorStats | None:
@@ -155,7 +158,7 @@ def compare(
 def compare_unseen(model: Model, data: Measurements, progress: OnProgress = silent) -> ModelComparison:
     """Compares a model with measurements that no fit of it saw: nothing is refitted. Raises `NoEquilibrium`."""
     as_it_is = try_held_out(replace(model, free=()), data, progress=progress)
-    return _compared(model, data, HeldOutResidual(None, UNSEEN, as_it_is.blocks, as_it_is.deployed))
+    return _compared(model, data, HeldOutResidual(None, blocks=as_it_is.blocks, deployed=as_it_is.deployed))
 
 
 def _compared(model: Model, data: Measurements, held_out: HeldOutResidual) -> ModelComparison:
@@ -201,16 +204,20 @@ def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> I
         column = J[:, :, i]
         quantiles = np.unique(np.quantile(torque[:, i], np.linspace(0.0, 1.0, BINS + 1)))
         by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _cut(torque[:, i], quantiles, " N·m")
-        yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, column)
-        yield _factor("torque", f"torque of joint {i + 1}", *by_torque, residual, column)
+        yield _factor(ExplanatoryVariable("angle", i), *by_angle, residual, column)
+        yield _factor(ExplanatoryVariable("torque", i), *by_torque, residual, column)
     if np.ptp(data.poses.payload) > 0:
-        yield _factor("load", "load", *_by_value(data.poses.payload * 1e3, " g"), residual)
-    yield _factor("order", "order of measurement", *_by_order(data), residual)
-    yield _factor("region", "region of the workspace", *_by_octant(data.places(equilibrium)), residual)
+        yield _factor(ExplanatoryVariable("load"), *_by_value(data.poses.payload * 1e3, " g"), residual)
+    yield _factor(ExplanatoryVariable("order"), *_by_order(data), residual)
+    yield _factor(ExplanatoryVariable("region"), *_by_octant(data.places(equilibrium)), residual)
 
 
 def _factor(
-    kind: str, name: str, group: NDArray[np.int64], labels: Sequence[str], residual: Array, column: Array | None = None
+    variable: ExplanatoryVariable,
+    group: NDArray[np.int64],
+    labels: Sequence[str],
+    residual: Array,
+    column: Array | None = None,
 ) -> Factor:
     """The factor of a grouping; `group`: (N,), number of each pose's label; `column`: (N, 3), of the joint (m/rad)."""
     groups, explained = [], 0.0
@@ -222,7 +229,7 @@ def _factor(
             rotation = None if column is None else _equivalent_rotation(residual[chosen], column[chosen])
             x, y, z = bias.tolist()
             groups.append(PoseGroup(label, int(chosen.sum()), error_stats(residual[chosen]), (x, y, z), rotation))
-    return Factor(kind, name, _adjusted_r2(explained, residual, len(groups)), tuple(groups))
+    return Factor(variable, _adjusted_r2(explained, residual, len(groups)), tuple(groups))
 
 
 def _adjusted_r2(explained: float, residual: Array, groups: int) -> float:

@@ -12,14 +12,23 @@ is described by the best of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cache
 from itertools import combinations, product
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.residual.covariates import CONSTANT, Covariate, covariates, distinct, levels, scaled, symbol_words
+from lrm_ident.residual.covariates import (
+    CONSTANT,
+    Covariate,
+    ExplanatoryVariable,
+    covariates,
+    distinct,
+    levels,
+    scaled,
+)
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import Equilibrium
@@ -29,6 +38,14 @@ TYPICAL_SHIFT = 1e-3  # m
 RADIAL_SCALES = (0.03, 0.15, 0.7)  # s, in parts of the largest force across an axis
 MEMORY = 12  # poses before, of whose torques creep is a function
 COMMON_DRIVERS = ("load", "order", "time", "temperature")
+
+
+class CommonMode(StrEnum):
+    """What all joints, or all lengths, may share."""
+
+    GAIN = "gain"
+    YIELDING = "yielding"
+    SCALE = "scale"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,22 +61,21 @@ class FreeFunction:
     """A motion of one place as a function of one or two covariates.
 
     Attributes:
-        joint: from 0, that moves; None for a common mode, which `common` names.
-        covariates: their symbols.
+        joint: from 0, that moves; None for a `common` mode.
         terms: motions of the TCP (R, N) for a unit amount, m or m/rad, each with a basis (N, m) of the amount.
         shift: force of a radial motion; None for a rotation.
     """
 
     joint: int | None
-    covariates: tuple[str, ...]
+    covariates: tuple[ExplanatoryVariable, ...]
     terms: tuple[tuple[Array, Array], ...]
     shift: RadialShift | None = None
-    common: str = ""
+    common: CommonMode | None = None
 
     @property
-    def place(self) -> str:
-        """Place in words."""
-        return self.common if self.joint is None else f"joint {self.joint + 1}"
+    def place(self) -> CommonMode | int | None:
+        """The joint, or the common mode."""
+        return self.common if self.joint is None else self.joint
 
     @property
     def size(self) -> int:
@@ -76,14 +92,8 @@ class FreeFunction:
         """Whether effects of the catalogue are such functions: of its own angle, torque now or before, or the order."""
         if self.joint is None or len(self.covariates) != 1:
             return False
-        own = self.joint + 1
-        return self.covariates[0] in (f"q{own}", f"tau{own}", f"tau{own} before", "order")
-
-    @property
-    def name(self) -> str:
-        """Description, for instance `a free function of the angle of joint 1 at joint 3`."""
-        followed = " and ".join(map(symbol_words, self.covariates))
-        return f"a free function of {followed} {'in' if self.common else 'at'} {self.place}"
+        one = self.covariates[0]
+        return one.kind == "order" or (one.kind in ("angle", "torque") and one.joint == self.joint)
 
 
 def free_functions(
@@ -107,13 +117,14 @@ def free_functions(
         moved = [one for one in known if one.kind == "motion" and one.joint == joint]
         candidates = [*shared, *own]
         for one in own:
-            univariate.append(FreeFunction(joint, (f"{one.symbol} before",), ((motion, torque_before[:, :, joint]),)))
+            before = replace(one.variable, before=True)
+            univariate.append(FreeFunction(joint, (before,), ((motion, torque_before[:, :, joint]),)))
         for one in (*candidates, *moved):
-            univariate.append(FreeFunction(joint, (one.symbol,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
+            univariate.append(FreeFunction(joint, (one.variable,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
         for a, b in combinations(candidates, 2):
             basis = products(a, b)
             if basis is not None:
-                bivariate.append(FreeFunction(joint, (a.symbol, b.symbol), ((motion, basis),)))
+                bivariate.append(FreeFunction(joint, (a.variable, b.variable), ((motion, basis),)))
     return univariate + bivariate
 
 
@@ -148,7 +159,7 @@ def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunctio
         world = np.einsum("nck,nk->cn", axes[:, before], force)
         size = np.linalg.norm(world, axis=0)
         shift = RadialShift(size, world / np.maximum(size, CONSTANT))
-        found.append(FreeFunction(joint, ("the force across its axis",), tuple(terms), shift))
+        found.append(FreeFunction(joint, (ExplanatoryVariable("force"),), tuple(terms), shift))
     return found
 
 
@@ -158,24 +169,24 @@ def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equili
     drivers = [one for one in covariates(data, torque[:, :0]) if one.kind in COMMON_DRIVERS]
     if np.ptp(total := np.abs(torque).sum(axis=1)) > CONSTANT:
         drivers.append(Covariate("total torque", total))
-    told_apart = distinct({one.symbol: one.values for one in drivers})
+    told_apart = distinct({one.variable: one.values for one in drivers})
     stretch = np.zeros_like(joint_jacobian[0])
     stretch[:3] = equilibrium.tcp.T
     motions = {
-        "the gain of all joints": np.einsum("jrn,nj->rn", joint_jacobian, data.poses.q),
-        "the yielding of all joints": np.einsum("jrn,nj->rn", joint_jacobian, torque),
-        "the scale of all lengths": stretch,
+        CommonMode.GAIN: np.einsum("jrn,nj->rn", joint_jacobian, data.poses.q),
+        CommonMode.YIELDING: np.einsum("jrn,nj->rn", joint_jacobian, torque),
+        CommonMode.SCALE: stretch,
     }
     constant = np.ones((len(data), 1))
     bases = {
-        one.symbol: np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)])
+        one.variable: np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)])
         for one in drivers
-        if one.symbol in told_apart
+        if one.variable in told_apart
     }
     return [
-        FreeFunction(None, (symbol,), ((motion, basis),), common=place)
-        for place, motion in motions.items()
-        for symbol, basis in bases.items()
+        FreeFunction(None, (variable,), ((motion, basis),), common=mode)
+        for mode, motion in motions.items()
+        for variable, basis in bases.items()
         if motion.any()
     ]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from lrm_ident.data.wording import quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import FEW_LEVELS
-from lrm_math.arm.place_names import place_words
 from lrm_math.arrays import Array
 from lrm_math.effects import ParameterRef
 from lrm_math.effects.base import Excitation
@@ -22,14 +22,34 @@ SURELY = 5.0  # standard errors
 OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 
-def parameter_hints(fitted: Fit) -> tuple[str, ...]:
-    """One question for each pattern in the estimates: a scale of all lengths, a turned frame, joints at few levels."""
+class HintKind(StrEnum):
+    """Patterns in the estimates, with what `ParameterHint.numbers` are of each."""
+
+    SCALED_LENGTHS = "scaled_lengths"
+    """Share by which all lengths differ from the drawing, and its standard error."""
+    TURNED_FRAME = "turned_frame"
+    """Angle (rad)."""
+    FEW_LEVELS = "few_levels"
+    """Levels of the joint. Names: its place, then the effects that rest on them."""
+
+
+@dataclass(frozen=True)
+class ParameterHint:
+    """A pattern in the estimates. See `HintKind`."""
+
+    kind: HintKind
+    numbers: tuple[float, ...]
+    names: tuple[str, ...] = ()
+
+
+def parameter_hints(fitted: Fit) -> tuple[ParameterHint, ...]:
+    """One hint for each pattern in the estimates: a scale of all lengths, a turned frame, joints at few levels."""
     count = fitted.equilibrium.true_tcp.size
     columns = parameter_jacobian(fitted.equilibrium, fitted.model.free).reshape(count, len(fitted.model.free))
     return (*_scale(fitted, columns), *_turned_frame(fitted, columns), *_few_levels(fitted))
 
 
-def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
+def _scale(fitted: Fit, columns: Array) -> Iterator[ParameterHint]:
     """Whether the fitted lengths together stretch the arm as a scale error of the tracker would."""
     free = map(ParameterRef.parse, fitted.model.free)
     lengths = [one.id == "offsets" and one.place != "base" and one.name.endswith("_mm") for one in free]
@@ -38,14 +58,10 @@ def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
     moved, stretch = _projected_out(others, motion, fitted.equilibrium.true_tcp.reshape(-1, 1))
     share, likeness, error = _amount_of(moved, stretch[:, 0], fitted.sigma)
     if sum(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
-        longer = "longer" if share > 0 else "shorter"
-        yield (
-            f"all lengths are {quantity(abs(share) * 100, error * 100)} % {longer} than drawn, by the same share: "
-            "the tracker's scale?"
-        )
+        yield ParameterHint(HintKind.SCALED_LENGTHS, (share, error))
 
 
-def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
+def _turned_frame(fitted: Fit, columns: Array) -> Iterator[ParameterHint]:
     """Whether the base's offsets together are a rotation about the origin of the tracker's frame."""
     base = [ParameterRef.parse(key).effect == BASE_OFFSETS for key in fitted.model.free]
     units = {key.rsplit("_", 1)[1] for key, chosen in zip(fitted.model.free, base, strict=True) if chosen}
@@ -57,10 +73,10 @@ def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
     angle = float(np.linalg.norm(angles))
     share, likeness, error = _amount_of(moved, turns @ angles / max(angle, 1e-300), fitted.sigma)
     if likeness > LIKENESS and share > SURELY * error:
-        yield f"the base's offsets look like a frame turned by {np.degrees(angle):.2f}° about the tracker's origin"
+        yield ParameterHint(HintKind.TURNED_FRAME, (angle,))
 
 
-def _few_levels(fitted: Fit) -> Iterator[str]:
+def _few_levels(fitted: Fit) -> Iterator[ParameterHint]:
     """Joints with a fitted effect of their own angle that few angles determine."""
     excitation = Excitation(fitted.equilibrium.poses, fitted.equilibrium.joint_torque)
     free = {ParameterRef.parse(key).effect for key in fitted.model.free}
@@ -68,8 +84,7 @@ def _few_levels(fitted: Fit) -> Iterator[str]:
         levels = excitation.levels(joint)
         own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]
         if own and levels <= FEW_LEVELS:
-            what = f"{' and '.join(own)} of {place_words(name)}"
-            yield f"{what} rest on {levels} levels of the joint: at others it may err differently"
+            yield ParameterHint(HintKind.FEW_LEVELS, (levels,), (name, *own))
 
 
 def _motion(fitted: Fit, columns: Array, chosen: Sequence[bool]) -> Array:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import in_mm, in_percent
-from lrm_ident.residual.covariates import Covariate, covariates, levels, symbol_words
+from lrm_ident.residual.covariates import Covariate, covariates, levels
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
@@ -29,14 +28,6 @@ UNITS = {"angle": "°", "load": " g", "order": ""}
 """Kinds of the quantities whose intervals are tried, with the symbol of the unit."""
 RankedRows = tuple[NDArray[np.bool_], NDArray[np.int64]]
 """Subset of the poses (N,), and the ranks of their residuals."""
-HINTS = {
-    ("angle", "end"): "Does a stop, a tight cable or another part touch there?",
-    ("angle", "middle"): "Does a gear tooth or a cable catch there?",
-    ("load", "end"): "Is the load's mass or centre wrong, or a spring not linear?",
-    ("load", "middle"): "Was another load mounted than stated?",
-    ("order", "end"): "Did the arm warm up, or something come loose or move?",
-    ("order", "middle"): "Did something move, or did somebody touch the arm?",
-}
 
 
 @dataclass(frozen=True)
@@ -59,71 +50,11 @@ class Regime:
     p_value: float
 
     @property
-    def name(self) -> str:
-        """Symbol of its quantity, for instance `q2`."""
-        return "number in order" if self.quantity.kind == "order" else self.quantity.symbol
-
-    @property
-    def where(self) -> str:
-        """Interval in words, for instance `the angle of joint 2 < -40°`."""
-        name, unit = symbol_words(self.quantity.symbol), UNITS[self.quantity.kind]
-        if self.quantity.kind == "order":
-            return _numbers(self.low, self.high)
-        if self.low is None:
-            return f"{name} < {self.high:.4g}{unit}"
-        if self.high is None:
-            return f"{name} > {self.low:.4g}{unit}"
-        return f"{self.low:.4g}{unit} < {name} < {self.high:.4g}{unit}"
-
-    @property
     def rows(self) -> NDArray[np.bool_]:
         """(N,), whether a pose lies in it."""
         values = self.quantity.shown
         above = np.ones(len(values), dtype=np.bool_) if self.low is None else values > self.low
         return np.asarray(above if self.high is None else above & (values < self.high))
-
-    @property
-    def brief(self) -> str:
-        """The concentration, and a question on possible causes."""
-        rms = f"{in_mm(self.inside)} mm RMS, else {in_mm(self.outside)} mm"
-        return f"{self.poses} poses ({self.where}): {rms}. {self.hint}"
-
-    @property
-    def hint(self) -> str:
-        """A question on what may have caused it."""
-        return HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
-
-    @property
-    def sentence(self) -> str:
-        """Sentence on the concentration of the error in the interval, and on possible causes."""
-        return (
-            f"{in_mm(self.inside)} mm RMS in {self.poses} poses ({self.where}), {in_mm(self.outside)} mm elsewhere; "
-            f"{in_percent(self.share)} % of the squared error lies there. {self.hint}"
-        )
-
-    def as_json(self) -> dict[str, object]:
-        """One entry of the table `regimes`."""
-        return {
-            "quantity": self.name,
-            "unit": UNITS[self.quantity.kind].strip(),
-            "low": self.low,
-            "high": self.high,
-            "poses": self.poses,
-            "share_of_squared_error": self.share,
-            "inside_rms_mm": self.inside * 1e3,
-            "outside_rms_mm": self.outside * 1e3,
-            "p_value": self.p_value,
-            "sentence": self.sentence,
-        }
-
-
-def _numbers(low: float | None, high: float | None) -> str:
-    """Poses between two of their numbers in the order of measurement, in words."""
-    if high is None:
-        return f"measured after number {int(low or 0.0)}"
-    if low is None:
-        return f"measured up to number {int(high)}"
-    return f"measured as numbers {int(low) + 1} to {int(high)}"
 
 
 def studentised_squares(residual: Array, columns: Array) -> Array:
@@ -142,11 +73,11 @@ def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
         return ()
     ranked = [tuple((rows, _ranks(squares[rows])) for rows in (half, ~half)) for half in halves]
-    adjusted = benjamini_yekutieli({one.symbol: _aggregated_p_value(_parts(one), ranked) for one in quantities})
+    adjusted = benjamini_yekutieli({one.variable: _aggregated_p_value(_parts(one), ranked) for one in quantities})
     found = [
         _regime(quantity, _best_interval(quantity, squares), squares, p_value)
-        for quantity in sorted(quantities, key=lambda one: adjusted[one.symbol])
-        if (p_value := adjusted[quantity.symbol]) < SIGNIFICANCE
+        for quantity in sorted(quantities, key=lambda one: adjusted[one.variable])
+        if (p_value := adjusted[quantity.variable]) < SIGNIFICANCE
     ]
     return tuple(one for one in found if one.inside > MIN_REGIME_RATIO * one.outside)
 
@@ -159,13 +90,13 @@ def outlier_regimes(data: Measurements, squares: Array, outliers: NDArray[np.boo
     """
     if not 0 < outliers.sum() < len(data):
         return ()
-    quantities = {one.symbol: one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS}
-    tested = {symbol: kuiper_interval(one.shown, outliers) for symbol, one in quantities.items()}
-    adjusted = benjamini_yekutieli({symbol: p_value for symbol, (p_value, _) in tested.items()})
+    quantities = {one.variable: one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS}
+    tested = {variable: kuiper_interval(one.shown, outliers) for variable, one in quantities.items()}
+    adjusted = benjamini_yekutieli({variable: p_value for variable, (p_value, _) in tested.items()})
     return tuple(
-        _regime(quantities[symbol], tested[symbol][1], squares, adjusted[symbol])
-        for symbol in sorted(adjusted, key=lambda symbol: adjusted[symbol])
-        if adjusted[symbol] < SIGNIFICANCE
+        _regime(quantities[variable], tested[variable][1], squares, adjusted[variable])
+        for variable in sorted(adjusted, key=lambda variable: adjusted[variable])
+        if adjusted[variable] < SIGNIFICANCE
     )
 
 

@@ -50,5 +50,6 @@ def residual_patterns(
     together = data.complete.take(np.isin(data.complete.pose, [*squares]))
     squared = np.array([squares[number] for number in together.pose.tolist()])
     clusters = outlier_regimes(together, squared, ~np.isin(together.pose, data.pose))
-    others = [one for one in find_regimes(together, squared) if one.name not in {same.name for same in clusters}]
+    known_already = {same.quantity.variable for same in clusters}
+    others = [one for one in find_regimes(together, squared) if one.quantity.variable not in known_already]
     return ResidualPatterns(predictable, (*clusters, *others), together.pose)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Mapping
+from typing import TypeVar
+
 from scipy.special import fdtrc
+
+Tested = TypeVar("Tested", bound=Hashable)
 
 
 def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
@@ -16,9 +21,10 @@ def yekutieli_factor(m: int) -> float:
     return m * sum(1.0 / k for k in range(1, m + 1))
 
 
-def benjamini_yekutieli(p_values: dict[str, float]) -> dict[str, float]:
+def benjamini_yekutieli(p_values: Mapping[Tested, float]) -> dict[Tested, float]:
     """p values adjusted for their number under any dependence (Benjamini & Yekutieli 2001)."""
-    adjusted, smallest, factor = {}, 1.0, yekutieli_factor(len(p_values))
+    adjusted: dict[Tested, float] = {}
+    smallest, factor = 1.0, yekutieli_factor(len(p_values))
     for rank, name in reversed(list(enumerate(sorted(p_values, key=lambda name: p_values[name]), start=1))):
         smallest = min(smallest, p_values[name] * factor / rank)
         adjusted[name] = smallest

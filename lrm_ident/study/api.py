@@ -102,7 +102,7 @@ def load(
     part = partial(Measurements.without, numbers=leave_out) if len(leave_out) else every_pose
     data = inputs.read_measurements(file, described, name, reading_of(reading), part=part)
     for words in data.notices:
-        warnings.warn(words, stacklevel=3)
+        warnings.warn(str(words), stacklevel=3)
     return data
 
 
@@ -119,7 +119,7 @@ def load_poses(file: str | Path, arm: Arm | str | Path, reading: Reading = AS_NA
     the_arm, path, how = arm if isinstance(arm, Arm) else load_arm(arm_named(arm)), path_of(file), reading_of(reading)
     poses = pose_files.load_poses(path, the_arm, how)
     for words in pose_files.pose_doubts(path, the_arm, poses, how):
-        warnings.warn(words, stacklevel=3)
+        warnings.warn(str(words), stacklevel=3)
     return poses
 
 
@@ -187,8 +187,8 @@ def transfer(model: Study | str | Path, to: str | Path, data: Measurements | Non
     if isinstance(model, Study):
         return model.transfer(to, data)
     arm_part, notices = read_transfer(path_of(model), arm_named(to))
-    for words in notices:
-        warnings.warn(words, stacklevel=2)
+    for notice in notices:
+        warnings.warn(str(notice), stacklevel=2)
     return arm_part if data is None else identified(arm_part, measurements_of(data))
 
 
@@ -232,6 +232,6 @@ def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> 
 def _here(model: Model, data: Path | None, sha256: str, poses: Poses | None = None) -> Model:
     """The model for the poses of a file; a warning names the effects that are left out."""
     here, left_out = model_for_data(model, data, sha256, poses)
-    for words in left_out:
-        warnings.warn(words, stacklevel=4)
+    for notice in left_out:
+        warnings.warn(str(notice), stacklevel=4)
     return here

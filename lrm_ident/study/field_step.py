@@ -24,13 +24,10 @@ from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.thresholds import MIN_GAIN, MIN_NAMELESS_GAIN
 from lrm_math.arrays import Array
-from lrm_math.effects import NOT_A_CAUSE
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 from lrm_math.model.step_name import ADD, StepName
-
-WHAT_IT_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
 
 
 class NoBetterPrediction(LrmError):

@@ -17,7 +17,7 @@ from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import prior_of_file
 from lrm_ident.study.arguments import path_of, reading_of
-from lrm_ident.study.model_history import fit_words
+from lrm_ident.study.notices import Notice, NoticeKind, as_read
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
@@ -75,9 +75,9 @@ def read_study(
     if provenance is not None:
         chosen = FittedPart(part, tuple(provenance.left_out), provenance.data_sha256)
     measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual, chosen)
-    notices += measured.notices
-    if provenance is not None and (how := fit_words(provenance.loss, measured.left_out)):
-        notices += (f"as in the model's fit: {how}",)
+    notices += as_read(measured.notices)
+    if provenance is not None and (provenance.loss != "squared" or measured.left_out):
+        notices += (Notice(NoticeKind.AS_FITTED, (provenance.loss,), tuple(measured.left_out)),)
     here, left_out = model_for_data(loaded, measured.path, measured.sha256)
     anchored = with_set_up(here, measured)
     parameters = effective_parameters(file, anchored, catalogue)
@@ -89,7 +89,7 @@ def read_study(
         catalogue,
         SQUARED if provenance is None else loss_named(provenance.loss),
         file,
-        notices=(*notices, *left_out, *model_error_words(weighed)),
+        notices=(*notices, *left_out, *as_read(model_error_words(weighed))),
         progress=progress,
     )
 
@@ -107,15 +107,15 @@ def effective_parameters(file: ModelFile, model: Model, catalogue: Catalogue) ->
     return len(model.free) - float(np.minimum(left, 1.0).sum())
 
 
-def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tuple[str, ...]]:
+def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tuple[Notice, ...]]:
     """A model file and its model, with notices if the arm or the user's effects have changed since the fit."""
     file = read_toml(path, ModelFile)
     arm = arm_of(path, file.arm)
     model = to_model(path, file, arm, catalogue)
     effects_file, provenance, words = file_of(model.effects), file.provenance, arm_mismatch(file, arm)
-    notices = [f"{path.name}: {words}; {FIT_AGAIN}"] if words else []
+    notices = [*as_read([f"{path.name}: {words}; {FIT_AGAIN}"] if words else [])]
     if effects_file and provenance and provenance.effects_sha256 not in (None, sha256_of(effects_file)):
-        notices.append(f"{effects_file} is not the file that {path.name} was fitted with (its SHA-256 differs)")
+        notices.append(Notice(NoticeKind.OTHER_EFFECTS, (str(effects_file), path.name)))
     return file, model, tuple(notices)
 
 

@@ -15,7 +15,6 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import nominal_arm
-from lrm_ident.data.wording import enumerate_words, poses_count
 from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
@@ -40,7 +39,6 @@ from lrm_math.model.model_file import (
 from lrm_math.model.step_name import StepName
 from lrm_math.toml_file import read_toml
 
-LEFT_OUT_SHOWN = 12
 ARRAY = re.compile(r"^\S+ = \[\n(?:    .*\n)+\]$", re.MULTILINE)
 """An array as the TOML writer puts it, an item to a line: of a covariance thousands."""
 
@@ -140,16 +138,6 @@ def covariance_table_of(fit: Fit) -> CovarianceTable | None:
     if not fitted:
         return None
     return covariance_table([fit.model.free[j] for j in fitted], fit.covariance[np.ix_(fitted, fitted)])
-
-
-def fit_words(loss: str, left_out: Sequence[int]) -> str:
-    """Loss and left-out poses of a fit in words; empty for least squares of all poses."""
-    how = [] if loss == "squared" else [f"loss {loss}"]
-    if left_out:
-        how.append(
-            f"{poses_count(len(left_out))} left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}"
-        )
-    return "; ".join(how)
 
 
 def as_written(model: Model, arm: str) -> Model:

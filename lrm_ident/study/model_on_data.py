@@ -40,13 +40,6 @@ class ErrorSummary:
     held_out: HeldOutResidual
     nameless: PredictableError | None = None
 
-    def as_json(self) -> dict[str, object]:
-        """The table `error`."""
-        reason = {} if self.held_out.error else {"held_out_reason": self.held_out.reason}
-        nameless = {} if self.nameless is None else {"nameless": self.nameless}
-        errors = {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error}
-        return {**errors, "as_deployed": self.held_out.deployed, **reason, **nameless}
-
 
 @dataclass(frozen=True, eq=False)
 class ModelOnData:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from lrm_ident.data.wording import enumerate_words
+from lrm_ident.study.notices import Notice, NoticeKind
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed, as_deployed_at, of_a_session
 from lrm_math.model.model import Model
 
-NAMED = 12  # effects in a message
-
 
 def model_for_data(
     model: Model, data: Path | None, sha256: str, poses: Poses | None = None
-) -> tuple[Model, tuple[str, ...]]:
-    """The model for the poses of a file, and one line that names the effects that it leaves out, if any.
+) -> tuple[Model, tuple[Notice, ...]]:
+    """The model for the poses of a file, and a notice that names the effects that it leaves out, if any.
 
     On the data of its fit, on a part of them, and on the same file with rows added it is the whole model. On others
     effects of a session, such as a drift, would depend on unrelated numbers and times of poses.
@@ -34,9 +32,7 @@ def model_for_data(
     gone = [effect.name for effect in model.effects if effect.name not in kept]
     if not gone:
         return deployed, ()
-    here = "the file of these poses" if data is None else data.name
-    words = f"{here} is not what the model was fitted to; left out, as of that session alone: "
-    return deployed, (words + enumerate_words(gone, NAMED),)
+    return deployed, (Notice(NoticeKind.OTHER_DATA, ("" if data is None else data.name, *gone)),)
 
 
 def _grown_from(data: Path, sha256: str | None) -> bool:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
-from lrm_ident.data.wording import poses_words
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
@@ -29,6 +28,7 @@ from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, names_of
 from lrm_ident.study.model_history import as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
+from lrm_ident.study.notices import Notice, NoticeKind, as_read
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.parameter_estimates import ParameterEstimate, parameter_estimates
 from lrm_math.effects import CATALOGUE, effects_at
@@ -58,11 +58,11 @@ class Study(ModelOnData, ShownInNotebook):
 
     Attributes:
         before: the study before the last step.
-        notices: messages to the user about the files and the steps, one line each.
+        notices: what a user should know of the files and the steps.
     """
 
     before: Study | None = None
-    notices: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
 
     def __repr__(self) -> str:
         steps, count = ", ".join(self._steps) or "nothing is fitted yet", len(self.model.free)
@@ -106,7 +106,7 @@ class Study(ModelOnData, ShownInNotebook):
         bounds = fit_bounds(result.fit.model, unbounded)
         stated = deployable(result.fit, result.data)
         step = Step(StepName(FIT), stated, result.data, bounds=bounds, stated_prior=stated_prior, prior_name=name)
-        notices = (*self.notices, *model_error_words(result.data))
+        notices = (*self.notices, *as_read(model_error_words(result.data)))
         return replace(self, loss=loss, notices=notices)._after(step, None)
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
@@ -160,9 +160,9 @@ class Study(ModelOnData, ShownInNotebook):
         names = tuple(each.name for each in added)
         shape = next((scored.shape for scored in diagnosis.scored if (scored.name,) == names), None)
         fitted = add_effects(study.model, diagnosis.data, added, shape, study.loss)
-        left_out = f"outliers, left out: {poses_words(diagnosis.outliers)}"
+        left_out = Notice(NoticeKind.OUTLIERS, poses=tuple(diagnosis.outliers))
         notices = (*study.notices, left_out) if diagnosis.outliers else study.notices
-        notices = (*notices, *assumed_steps(added, study.data.poses))
+        notices = (*notices, *as_read(assumed_steps(added, study.data.poses)))
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
         step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
@@ -269,16 +269,14 @@ class Study(ModelOnData, ShownInNotebook):
             return self.named()
         model = named_part(self.model)
         fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
-        words = f"the model was fitted with the prior '{self.prior_name}'; this goes on with that of typical sizes"
-        return self._instead(fitted, words)
+        return self._instead(fitted, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
 
     def named(self) -> Study:
         """The study without a residual field, which is no cause and may hide one."""
         model = named_part(self.model)
         if model is self.model:
             return self
-        words = "the residual field is left out here: it is no cause; add it again when all causes are in the model"
-        return self._instead(model, words)
+        return self._instead(model, Notice(NoticeKind.FIELD_LEFT_OUT))
 
     @cached_property
     def file(self) -> ModelFile:
@@ -343,9 +341,9 @@ class Study(ModelOnData, ShownInNotebook):
             return self
         return None if self.before is None else self.before._filed
 
-    def _instead(self, model: Model, words: str) -> Study:
+    def _instead(self, model: Model, notice: Notice) -> Study:
         """The study with another model before a step, and a notice of it."""
-        return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
+        return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, notice))
 
     def _after(self, step: Step, before: Study | None) -> Study:
         """The study after a step, its model as read from its file, so that API and commands give the same results."""

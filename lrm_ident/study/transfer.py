@@ -19,6 +19,7 @@ from lrm_ident.fitting.transfer import TransferredModel, transferred
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import read_model
 from lrm_ident.study.model_history import as_written, model_file, write_model
+from lrm_ident.study.notices import Notice
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import load_arm
@@ -83,7 +84,7 @@ class Transfer:
     def file(self) -> ModelFile:
         """The model file. Its history begins with the transfer, if poses were measured."""
         if self.fit is not None and self.data is not None:
-            unknown = HeldOutResidual(None, "the installation was identified from few poses")
+            unknown = HeldOutResidual(None)
             return model_file(self.fit, self.data, unknown, self.arm, StepName(TRANSFER, self.start.bench))
         model, covariance = self.start.model, self.covariance
         units = np.array([model.parameter(key).si for key in covariance.keys])
@@ -106,7 +107,7 @@ class Transfer:
 
 def read_transfer(
     path: Path, to: str, catalogue: Catalogue = CATALOGUE, noise: float | None = None
-) -> tuple[Transfer, tuple[str, ...]]:
+) -> tuple[Transfer, tuple[Notice, ...]]:
     """The transfer of a model file to an arm (name or path of an arm file), and notices.
 
     `noise`: standard deviation per axis (m) of what is measured there; poses weigh by it, or by the error that the

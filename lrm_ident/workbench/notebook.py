@@ -60,7 +60,7 @@ def html_of(result: object) -> str:
             try:
                 story = story_of_file(result.file)
                 told: list[Block] = [] if story is None else [heading(story.sentence), story.table()]
-                return _tables([*told, history_table(result.file), *result.notices])
+                return _tables([*told, history_table(result.file), *map(str, result.notices)])
             except LrmError as error:
                 return f"<p>{escape(str(error))}</p>"
     raise LrmError(f"no picture is known for a {type(result).__name__}")

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from string import Formatter
 from typing import ClassVar
 
 import numpy as np
@@ -151,6 +152,11 @@ class Description:
     source: str
     claim: str = ""
     needs: str = ""
+
+    @property
+    def claimed(self) -> frozenset[str]:
+        """Names in braces in the claim: parameters, whose estimates it states, and the place."""
+        return frozenset(name for _, name, *_ in Formatter().parse(self.claim) if name)
 
 
 class ModelPart(Enum):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -91,7 +92,7 @@ def calibrate(
             picture = read_picture(file)
             corners = find_corners(picture, the_board)
             if isinstance(corners, RejectedPhoto):
-                refused.append(f"{file.name}: {corners.reason}")
+                refused.append((file.name, corners.reason))
             else:
                 found.append(corners)
                 sizes.add((picture.shape[1], picture.shape[0]))
@@ -100,7 +101,7 @@ def calibrate(
         raise LrmError(f"{photos}: photos of {len(sizes)} sizes; a lens is calibrated for one")
     show_refused(refused)
     if not found:
-        why = other_board(map(read_picture, files), the_board) or refused[0].partition(": ")[2]
+        why = other_board(map(read_picture, files), the_board) or refused[0][1]
         raise LrmError(f"{photos}: {the_board} are in none of the {len(files)} photos; {why}")
     lens = calibrate_lens(found, the_board, next(iter(sizes)))
     write_text(output, _toml(lens))
@@ -168,7 +169,7 @@ def read(
     if len(files) != len(commanded):
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
     seen = read_photos(files, file)
-    show_refused([f"{name}: {reason}" for name, reason in seen.refused])
+    show_refused(seen.refused)
     if not seen.rows and (why := other_board(map(read_picture, files), file.board)):
         raise LrmError(f"{photos}: {why} to camera calibrate, with photos of this board")
     found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
@@ -228,10 +229,11 @@ def _board(columns: int, rows: int, square_mm: float, dictionary: str, legacy: b
     return CharucoBoard(columns=columns, rows=rows, square_mm=float(square_mm), dictionary=name, legacy=legacy)
 
 
-def show_refused(lines: list[str]) -> None:
-    """Prints why photos are of no use."""
-    if lines:
-        show(ListSection(f"{len(lines)} photos are of no use:", tuple(lines[:SHOWN])))
+def show_refused(photos: Sequence[tuple[str, str]]) -> None:
+    """Prints why photos, by name, are of no use."""
+    if photos:
+        lines = tuple(f"{name}: {reason}" for name, reason in photos[:SHOWN])
+        show(ListSection(f"{len(photos)} photos are of no use:", lines))
 
 
 def _toml(file: StrictSchema) -> str:

@@ -30,8 +30,9 @@ class Quantity:
 
     Attributes:
         name: in formulas. code: Python code for it from `poses`, and from `{tau}` if it is the torque of a joint.
-        low, high: its range at the poses. levels: number of different values there. angle: whether it is an angle.
-        torque_of: joint (from 0) of which it is the torque. foreign: whether that is another one than the law's.
+        low, high: its range at the poses. levels: number of different values there.
+        angle_of, torque_of: joint (from 0) of which it is the angle, or the torque.
+        foreign: whether it is the torque of another one than the law's.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Quantity:
     low: float
     high: float
     levels: int
-    angle: bool = False
+    angle_of: int | None = None
     torque_of: int | None = None
     foreign: bool = False
 
@@ -121,7 +122,7 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
     Args:
         torque: (N, n), on the joints (N·m).
     """
-    quantities = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
+    quantities = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, i) for i, angle in enumerate(poses.q.T)]
     for k, tau in enumerate(torque.T):
         one = _relative_quantity("tau" if k == joint else f"tau{k + 1}", "{tau}", tau)
         quantities.append(replace(one, torque_of=k, foreign=k != joint))
@@ -133,10 +134,10 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
     return tuple(quantity for quantity in quantities if quantity.levels > 1)
 
 
-def _quantity(name: str, code: str, values: Array, angle: bool = False) -> Quantity:
+def _quantity(name: str, code: str, values: Array, angle_of: int | None = None) -> Quantity:
     """A quantity with the range and the levels of its values (N,)."""
     distinct = len(levels(values, 4)[0])
-    return Quantity(name, code, float(values.min()), float(values.max()), distinct, angle)
+    return Quantity(name, code, float(values.min()), float(values.max()), distinct, angle_of)
 
 
 def _relative_quantity(name: str, code: str, values: Array) -> Quantity:
@@ -167,7 +168,7 @@ def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:
     yield (x.name,)
     if x.name == "side" or x.levels < 3:
         return
-    if x.angle:
+    if x.angle_of is not None:
         yield from ((_wave("sin", k, x.name), _wave("cos", k, x.name)) for k in HARMONICS)
     yield from ((f"{x.name}**2",), (f"{x.name}**3",))
     if x.signed:
@@ -181,7 +182,7 @@ def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:
 
 def _terms_of_two(a: Quantity, b: Quantity) -> Iterator[tuple[str, ...]]:
     """Terms of every law of two quantities."""
-    if a.angle and b.angle:
+    if a.angle_of is not None and b.angle_of is not None:
         for sign, low, high in (("+", a.low + b.low, a.high + b.high), ("-", a.low - b.high, a.high - b.low)):
             both = f"{a.name} {sign} {b.name}"
             yield from ((_wave("sin", k, both), _wave("cos", k, both)) for k in PAIR_HARMONICS)
@@ -201,7 +202,7 @@ def _factors(x: Quantity) -> Iterator[str]:
     yield x.name
     if x.signed and x.name != "side":
         yield f"np.abs({x.name})"
-    if x.angle:
+    if x.angle_of is not None:
         yield from (_wave(wave, k, x.name) for k in FACTOR_HARMONICS for wave in ("sin", "cos"))
 
 

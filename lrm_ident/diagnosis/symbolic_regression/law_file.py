@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law
-from lrm_ident.residual.covariates import symbol_words
+from lrm_ident.data.wording import in_mm, p_words
+from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law, Quantity
 
 TEMPLATE = '''"""{title}
 
@@ -61,7 +61,7 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         joint=law.joint + 1,
         formula=law.formula,
         source=f"lrm-ident propose, {data}",
-        follows=" and ".join(symbol_words(quantity.name) for quantity in law.quantities),
+        follows=" and ".join(map(_followed, law.quantities)),
         claims=", ".join(f"{{{name}}}" for name in names),
         target=law.key,
         load_slots=repr(tuple(f"joint{k + 1}.theta" for k in law.torques_of)).replace("'", '"'),
@@ -73,6 +73,28 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         quantities="".join(_assignment(quantity.name, law.code_of(quantity)) for quantity in law.quantities),
         amount=" + ".join(f"p[{i}] * {term}" for i, term in enumerate(law.terms)),
     )
+
+
+def how_found(tried: int, beside: Law | None, before: float, nested: float, p_value: float) -> str:
+    """How a law was found, for the file's docstring.
+
+    Args:
+        beside: the law that it was added to. before: held-out RMS without it. nested: with one chosen anew (m).
+    """
+    which = "alone" if beside is None else f"with {beside.formula}"
+    return (
+        f"{tried} laws were tried. Held out, the model {which}\nhas {in_mm(before)} mm; with a law "
+        f"chosen anew in every block about {in_mm(nested)} mm.\nAgainst pure noise: p {p_words(p_value)}."
+    )
+
+
+def _followed(quantity: Quantity) -> str:
+    """A quantity in words: `the angle of joint 2`; one that is of no other joint by its name in formulas."""
+    if quantity.angle_of is not None:
+        return f"the angle of joint {quantity.angle_of + 1}"
+    if quantity.torque_of is not None and quantity.foreign:
+        return f"the torque of joint {quantity.torque_of + 1}"
+    return quantity.name
 
 
 def _assignment(name: str, code: str) -> str:

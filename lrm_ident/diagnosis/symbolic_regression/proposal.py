@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,12 +15,12 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.weights.whitening import RowWeights
-from lrm_ident.data.wording import in_mm, p_words
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.screening.screen import linearised
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.diagnosis.symbolic_regression.law_columns import law_columns, typical_size
-from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
+from lrm_ident.diagnosis.symbolic_regression.law_file import how_found, law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
 from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.effect_plugins import effects_in
@@ -56,6 +57,17 @@ class RefittedLaw:
         return error_stats(self.held_out)
 
 
+class NoLaw(StrEnum):
+    """Why no law is proposed."""
+
+    LIKE_NOISE = "like_noise"
+    """The best is no better than on pure noise."""
+    NOT_PREDICTED = "not_predicted"
+    """None predicts poses that were not used to choose it."""
+    NOT_REFITTED = "not_better_refitted"
+    """None lowers the held-out error once everything is refitted."""
+
+
 @dataclass(frozen=True, eq=False)
 class LawProposal(ShownInNotebook):
     """Result of a search for laws.
@@ -63,7 +75,7 @@ class LawProposal(ShownInNotebook):
     Attributes:
         before: held-out error without a law. nested: RMS of the nested cross-validation (m, linear).
         p_value: of the best law against pure noise. tried: number of laws.
-        best: the law that predicts best when everything is refitted; None, with the `reason`, if none is proposed.
+        best: the law that predicts best when everything is refitted; None, for the `reason`, if none is proposed.
         equivalent: laws that the data cannot tell from it, and their held-out RMS (m, linear), the best first.
         next_poses: (k, n), joint angles (rad) at which the best and its rivals differ most.
     """
@@ -73,7 +85,7 @@ class LawProposal(ShownInNotebook):
     p_value: float
     tried: int
     best: RefittedLaw | None
-    reason: str
+    reason: NoLaw | None = None
     equivalent: tuple[tuple[Law, float], ...] = ()
     next_poses: Array | None = None
 
@@ -127,11 +139,11 @@ def _propose(
     search = search_laws(linear, [one for one in groups if known is None or one.key == known.law.key], progress)
     without = linear.baseline.held_out
     nested = float(np.sqrt(search.nested.mean()))
-    proposal = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
+    proposal = LawProposal(before, nested, search.p_value, len(search.laws), None)
     if search.p_value > SIGNIFICANCE:
-        return replace(proposal, reason=f"the best of {len(search.laws)} laws is no better than on pure noise")
+        return replace(proposal, reason=NoLaw.LIKE_NOISE)
     if not predicts_better(search.nested, without, MIN_GAIN):
-        return replace(proposal, reason="no law predicts poses that were not used to choose it")
+        return replace(proposal, reason=NoLaw.NOT_PREDICTED)
     order = np.argsort(search.squares.mean(axis=0))
     classed = _equivalent(search, order, without)
     refits: list[RefittedLaw] = []
@@ -142,7 +154,7 @@ def _propose(
         refits += [] if one is None else [one]
     best = min(refits, key=lambda one: one.error.rms, default=None)
     if best is None or best.error.rms > (1.0 - MIN_GAIN) * before.rms:
-        return replace(proposal, reason="no law lowers the held-out error once everything is refitted")
+        return replace(proposal, reason=NoLaw.NOT_REFITTED)
     rivals = tuple(one for one in classed if one[0] is not best.law)
     return replace(proposal, best=best, equivalent=rivals[:CLASS_SHOWN])
 
@@ -166,12 +178,9 @@ def _refit(
     law: Law, fitted: Fit, data: Measurements, found: LawProposal, known: RefittedLaw | None
 ) -> RefittedLaw | None:
     """The law as an effect of its file, everything refitted; None if that fails. `known`: the law that it extends."""
-    beside = "alone" if known is None else f"with {known.law.formula}"
     largest = np.abs(law.values(data.poses, fitted.equilibrium.joint_torque)).max(axis=0)
-    facts = (
-        f"{found.tried} laws were tried. Held out, the model {beside}\nhas {in_mm(found.before.rms)} mm; with a law "
-        f"chosen anew in every block about {in_mm(found.nested)} mm.\nAgainst pure noise: p {p_words(found.p_value)}."
-    )
+    beside = None if known is None else known.law
+    facts = how_found(found.tried, beside, found.before.rms, found.nested, found.p_value)
     source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:
         file = Path(folder) / "law.py"

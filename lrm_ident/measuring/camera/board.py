@@ -161,13 +161,16 @@ class RejectedPhoto:
     reason: str
 
 
+MIRRORED = RejectedPhoto("the board is mirrored: print it unmirrored, or turn off the camera's mirror image")
+
+
 def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | RejectedPhoto:
     """The corners in a grey picture (H, W)."""
     found = detected(picture, board)
     if len(found.numbers) < FEWEST:
         mirrored = detected(np.ascontiguousarray(picture[:, ::-1]), board)
         if len(mirrored.numbers) >= FEWEST:
-            return RejectedPhoto("the board is mirrored: print it unmirrored, or turn off the camera's mirror image")
+            return MIRRORED
         return RejectedPhoto(f"{len(found.numbers)} of {len(board.corners)} corners seen, {FEWEST} are needed")
     if np.linalg.matrix_rank(board.corners[found.numbers, :2] - board.corners[found.numbers[0], :2]) < 2:
         return RejectedPhoto("the corners seen are all in one row")

@@ -17,7 +17,7 @@ from lrm_ident.data.rigid_motion import inverse, placement_motion
 from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
-from lrm_ident.measuring.camera.board import RejectedPhoto, read_picture
+from lrm_ident.measuring.camera.board import MIRRORED, RejectedPhoto, read_picture
 from lrm_ident.measuring.camera.board_pose import BoardPose, covariance_at, find_board
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import PhotoRegression, board_scale, find_step, photo_regression
@@ -96,17 +96,17 @@ def read_photos(files: Sequence[Path], lens: Lens) -> PhotoSet:
 
 def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens) -> PhotoSet:
     """The board's pose in every named picture that is of use. Raises `LrmError`: one of another size."""
-    rows, boards, refused = [], [], []
+    rows, boards, refused, mirrored = [], [], [], []
     for row, (name, picture) in enumerate(pictures):
         found = find_board(name, picture, lens)
         if isinstance(found, RejectedPhoto):
             refused.append((name, found.reason))
+            mirrored += [name] if found == MIRRORED else []
         else:
             rows.append(row)
             boards.append(found)
-    mirrored = [name for name, reason in refused if "mirrored" in reason]
     if len(mirrored) > (len(rows) + len(refused)) / 2:
-        raise LrmError(f"{mirrored[0]} and {len(mirrored) - 1} more: {dict(refused)[mirrored[0]]}")
+        raise LrmError(f"{mirrored[0]} and {len(mirrored) - 1} more: {MIRRORED.reason}")
     return PhotoSet(tuple(rows), tuple(boards), tuple(refused))
 
 

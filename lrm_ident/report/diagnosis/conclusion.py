@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from lrm_ident.data.wording import BLACK_BOX, UNSEEN, arrow, enumerate_words, in_mm
+from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm
 from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -21,8 +21,19 @@ from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
+from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
+from lrm_ident.report.text.claims import claim_sentence
+from lrm_ident.report.text.poses import limitation_sentence, where_measured
+from lrm_ident.report.text.residuals import (
+    BLACK_BOX,
+    predictable_brief,
+    regime_brief,
+    scale_sentence,
+    shifted_sentence,
+)
+from lrm_ident.report.text.variables import function_name
 from lrm_ident.residual.data_audit import where_it_holds
-from lrm_ident.residual.scale_uncertainty import scale_sentence
+from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, Effect, variants
@@ -47,12 +58,21 @@ OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
+WHY_NOT = {
+    Verdict.EFFECT_DESCRIBES: "the error is systematic, but these poses do not show why.",
+    Verdict.UNEXPLAINED_STRUCTURE: "the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: "the error exceeds the noise, but nothing measured predicts it.",
+}
+"""Why no cause was identified."""
+LEFT = {
+    Verdict.NOTHING_MISSING: "no systematic error is left.",
+    Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
+}
+"""What is left where no missing effect was found."""
 HEADLINES = {
-    Verdict.EFFECT_DESCRIBES: f"{NOT_IDENTIFIED}: the error is systematic, but these poses do not show why.",
-    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: no systematic error is left.",
-    Verdict.UNEXPLAINED_STRUCTURE: f"{NOT_IDENTIFIED}: the error is systematic, but no known effect explains it.",
-    Verdict.UNPREDICTABLE: f"{NOT_IDENTIFIED}: the error exceeds the noise, but nothing measured predicts it.",
-    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, but the measurement noise is not known, so one may be hidden in it.",
+    **{verdict: f"{NOT_IDENTIFIED}: {why}" for verdict, why in WHY_NOT.items()},
+    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: {LEFT[Verdict.NOTHING_MISSING]}",
+    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, {LEFT[Verdict.NOISE_UNKNOWN]}",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 
@@ -124,13 +144,13 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
     advice = advice_of(report)
-    hopeless = () if advice is None or advice.helps else (advice.sentence.partition(":")[0],)
+    hopeless = () if advice is None or advice.helps else (hopeless_words(advice),)
     tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
     quiet = report.verdict.quiet
     return Conclusion(
-        headline=_of_the_rest(report, _headline(report, attribution)),
+        headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=(*hopeless, *report.limitations)[:REASONS] if tells_why and not quiet else (),
+        reasons=(*hopeless, *map(limitation_sentence, report.limitations))[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -144,7 +164,7 @@ def _has_already(report: DiagnosisReport) -> dict[str, Effect]:
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
-        return _quiet_headline(report) if report.verdict.quiet else HEADLINES[report.verdict]
+        return _quiet_headline(report) if report.verdict.quiet else _not_identified(report, WHY_NOT[report.verdict])
     if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = f"{plain_name(first.name)} ({first.name})"
@@ -155,21 +175,21 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     return f"{MISSING}: {what}"
 
 
-def _of_the_rest(report: DiagnosisReport, headline: str) -> str:
-    """A headline that no cause was identified, of what the causes leave that the model has already."""
-    return headline.replace(NOT_IDENTIFIED, f"{NOT_IDENTIFIED} for the rest") if _has_already(report) else headline
+def _not_identified(report: DiagnosisReport, why: str) -> str:
+    """That no cause was identified: for what the causes leave that the model has already, if it has any."""
+    return f"{NOT_IDENTIFIED}{' for the rest' if _has_already(report) else ''}: {why}"
 
 
 def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
-    known, words = list(_has_already(report)), HEADLINES[report.verdict]
+    known = list(_has_already(report))
     if not known:
-        return words
-    named, rest = enumerate_words(list(map(plain_name, known)), IN_HEADLINE), words.removeprefix(NONE_FOUND)
+        return HEADLINES[report.verdict]
+    named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
     them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
     other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
     unsure = any(report.indistinguishable.get(name) for name in known)
-    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {rest.lstrip(':, ')}"
+    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {LEFT[report.verdict]}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -177,35 +197,36 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.is_free_form:
-        return HEADLINES[Verdict.EFFECT_DESCRIBES]
+        return _not_identified(report, WHY_NOT[Verdict.EFFECT_DESCRIBES])
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
-        return f"{NOT_IDENTIFIED}: with so few angles of its joint, any function of the angle fits as well."
-    return f"{NOT_IDENTIFIED}: the best effect explains too little of the error to be called its cause."
+        return _not_identified(report, "with so few angles of its joint, any function of the angle fits as well.")
+    return _not_identified(report, "the best effect explains too little of the error to be called its cause.")
 
 
 def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
     """Labelled facts; those without words are left out."""
     first = report.first
     if first is not None and attribution != Support.DESCRIPTION:
-        yield "estimate", first.claim
+        yield "estimate", "" if first.claim is None else claim_sentence(first.claim)
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     if report.beside:
         both = "only with both does the model surely predict later poses better"
         yield "add as well", f"{plain_name(report.beside)} ({report.beside}): {both}"
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
-    yield "tracker's scale", scale_sentence(fit)
+    yield "tracker's scale", scale_sentence(scale_uncertainty(fit))
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
     if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
-        yield "black-box model", report.patterns.predictable.brief
+        yield "black-box model", predictable_brief(report.patterns.predictable)
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", report.patterns.regimes[0].brief if report.patterns.regimes else ""
+    yield "where", regime_brief(report.patterns.regimes[0]) if report.patterns.regimes else ""
     yield "far off", " ".join(_far_poses(report))
-    yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
+    rows = map(shifted_sentence, report.diagnosis.shifted)
+    yield "rows", " ".join(f"{words[0].upper()}{words[1:]}." for words in rows)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
@@ -231,24 +252,26 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
 def valid_where(report: DiagnosisReport) -> str:
     """Angles and ranges at which the verdict holds; empty where the poses cover the arm's range."""
     limits = JointLimits.of(report.diagnosis.fit.model.arm)
-    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
+    parts = where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
+    return where_measured(parts)
 
 
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"noise at most {in_mm(report.patterns.predictable.noise_bound)} mm"
-    noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
     error, first = report.held_out.rms, report.first
+    alone = first is None or attribution_of(report) == Support.DESCRIPTION
+    noise = bound if floor is None else f"{'measurement ' if alone else ''}noise {in_mm(floor)} mm"
     if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     elif report.verdict == Verdict.NOTHING_MISSING and floor is not None:
         interval = report.diagnosis.floor.interval
         repeats = "" if interval is None else "; by repeated poses between {} and {} mm".format(*map(in_mm, interval))
         noise = f"{error / floor:.1f} times the {noise}{repeats}"
-    if first is None or attribution_of(report) == Support.DESCRIPTION:
+    if first is None or alone:
         predicted = f", systematic: {BLACK_BOX} reaches {in_mm(report.patterns.predictable.error.rms)} mm"
         return f"{in_mm(error)} mm RMS {UNSEEN}{predicted if _bounds_noise(report) else f' ({noise})'}"
-    return f"{arrow(error, first.held_out_rms)} mm RMS with it, at unseen poses ({noise.removeprefix('measurement ')})"
+    return f"{arrow(error, first.held_out_rms)} mm RMS with it, at unseen poses ({noise})"
 
 
 def _bounds_noise(report: DiagnosisReport) -> bool:
@@ -331,11 +354,11 @@ def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
 def _looks_like(report: DiagnosisReport) -> str:
     """The free function that explains most of an unexplained error, if it explains enough to be worth a word."""
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
-    named = {function.name: rms for function, rms in found.ranking}
-    best = found.functions[0].name if found.functions else next(iter(named), "")
-    if best not in named or 1.0 - (named[best] / held_out) ** 2 < PART:
+    left = dict(found.ranking)
+    best = found.functions[0] if found.functions else next(iter(left), None)
+    if best is None or best not in left or 1.0 - (left[best] / held_out) ** 2 < PART:
         return ""
-    return f"{best}, which leaves {in_mm(named[best])} mm"
+    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -382,7 +405,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     lead, words = "or", "Adds it to the model and refits all parameters."
     if advice is not None and advice.plan is not None and advice.helps:
         rivals = shlex.quote(",".join(causes_of(report)))
-        poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+        poses = f"--separate {rivals} --have {data} {plan_options(advice.plan)} -o next.csv"
         there = f"Measure there, append to {names.data}."
         yield NextStep(
             f"Writes poses (--levels any: at any angles) that distinguish these. {there}",
@@ -406,8 +429,8 @@ def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[
         export = f"lrm-ident arm export {model} -o arm.urdf"
         yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
-        yield NextStep(report.hint, f"lrm-ident propose {model} {data} -o law.py")
+        yield NextStep(next_step(report), f"lrm-ident propose {model} {data} -o law.py")
     else:
-        yield NextStep(report.hint)
+        yield NextStep(next_step(report))
     if report.verdict == Verdict.UNPREDICTABLE:
         yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=STOPGAP)

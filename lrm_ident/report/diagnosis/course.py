@@ -14,21 +14,23 @@ from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm,
 from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objection_to_prediction
-from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
-from lrm_ident.report.fit import diagnose_next, error_blocks, parameter_table
+from lrm_ident.report.effects import WHAT_A_FIELD_IS
+from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
+from lrm_ident.report.text.claims import with_unit
+from lrm_ident.report.text.reasons import no_law_words, reason_words
+from lrm_ident.report.text.residuals import scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
-from lrm_ident.residual.scale_uncertainty import scale_caveat
+from lrm_ident.residual.scale_uncertainty import scale_left_open
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
-from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.effects import EffectRef, effect_of
 from lrm_math.model.covariance import Covariance, implausible_estimates
@@ -73,8 +75,8 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
         present = {effect.name: effect for effect in step.fit.model.effects}
         why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
         yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
-        if scale := scale_caveat(step.added, step.fit):
-            yield f"      scale {scale}"
+        if scale := scale_left_open(step.added, step.fit):
+            yield f"      scale {scale_sentence(scale)}"
     if step.freed:
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
@@ -95,14 +97,14 @@ def step_document(
     """
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     earlier = error_blocks(before, f"Before: {free} parameters")
-    said = effect if field_of(step.fit.model) is None else f"{effect}, {WHAT_IT_IS}"
+    said = effect if field_of(step.fit.model) is None else f"{effect}, {WHAT_A_FIELD_IS}"
     table = error_blocks(after, f"With {said}: {now} parameters")
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
     verdict = verdict_on(effect, step, before, after, known)
     values |= {"verdict": verdict or None}
-    facts = (("verdict", verdict), (TRACKERS_SCALE, scale_caveat(effect, step.fit)))
+    facts = (("verdict", verdict), (TRACKERS_SCALE, scale_sentence(scale_left_open(effect, step.fit))))
     stated = tuple((label, words) for label, words in facts if words)
     told = [Facts(stated)] if stated else []
     blocks: list[Block] = [*told, *table, *diagnose_next(files)]
@@ -124,7 +126,7 @@ def verdict_on(effect: str, step: Step, before: ErrorSummary, after: ErrorSummar
         return ""
     objection = objection_to_estimates(step.fit, own, implausible_estimates(start, known))
     if objection := objection or objection_to_prediction(without.blocks, with_it.blocks):
-        return f"no evidence for it: {objection}. Undo the step unless you know the cause."
+        return f"no evidence for it: {reason_words(objection)}. Undo the step unless you know the cause."
     if step.evidence.equivalent:
         rivals = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
         return f"supported, but these poses cannot distinguish it from {rivals}."
@@ -176,8 +178,8 @@ def course_document(
         "as_deployed_effects_fixed": held_out.deployed,
         "as_deployed": nested.deployed,
         "chosen_in_folds": nested.frequency,
-        **({} if with_prior is None else {"with_prior": with_prior}),
-        **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
+        **({} if with_prior is None else {"with_prior": error_values(with_prior)}),
+        **({} if with_field is None else {"with_residual_field_not_a_cause": error_values(with_field)}),
     }
     fell = _last_errors(course, nested) if story is None else (("error", story.sentence), *story.facts)
     facts = Facts((*_sizes(course), *fell, ("not checked" if nested.error is None else "certainty", _chosen(nested))))
@@ -237,15 +239,15 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     for step in named("indistinguishable cause"):
         others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
-    also = dict.fromkeys(course.report.misspecified, ALSO)
+    possible = [taken for taken in steps if taken[1].kind == Support.POSSIBLE_CAUSE]
+    otherwise = {step.added for step, *_ in possible} & {*course.report.misspecified}
     ratios = [
-        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{also.get(step.added, '')})"
-        for step, one, explained in steps
-        if one.kind == Support.POSSIBLE_CAUSE
+        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in otherwise else ''})"
+        for step, one, explained in possible
     ]
     if ratios:
         candidates = enumerate_words(ratios, len(ratios))
-        or_otherwise = ", or if it acts otherwise," if ALSO in candidates else ""
+        or_otherwise = ", or if it acts otherwise," if otherwise else ""
         yield (
             f"Candidate causes: {candidates}. In brackets: the squared error that stays "
             f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_otherwise} "
@@ -282,7 +284,7 @@ def proposal_document(found: LawProposal) -> Document:
         "nested_held_out_rms_mm": found.nested * 1e3,
         "proposed": None if best is None else {"joint": best.law.joint + 1, "formula": best.law.formula},
         "held_out": None if best is None else best.error,
-        "reason": found.reason,
+        "reason": no_law_words(found),
         "indistinguishable_from": [
             {"joint": law.joint + 1, "formula": law.formula, "held_out_rms_mm": rms * 1e3}
             for law, rms in found.equivalent
@@ -290,7 +292,7 @@ def proposal_document(found: LawProposal) -> Document:
         "next_poses_deg": None if found.next_poses is None else np.degrees(found.next_poses).round(1),
     }
     if best is None:
-        return Document([heading(f"No formula is proposed: {found.reason}."), judged], "lrm/proposal/1", values)
+        return Document([heading(f"No formula is proposed: {no_law_words(found)}."), judged], "lrm/proposal/1", values)
     blocks: list[Block] = [
         heading(f"Proposed: {best.law.formula}"),
         judged,

@@ -22,6 +22,18 @@ from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.text.advice import advice_sentence, next_step
+from lrm_ident.report.text.poses import limitation_sentence
+from lrm_ident.report.text.reasons import reason_words
+from lrm_ident.report.text.residuals import (
+    hint_sentence,
+    predictable_sentence,
+    regime_sentence,
+    regime_values,
+    shifted_sentence,
+)
+from lrm_ident.report.text.variables import function_name, place_of
+from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_math.arm.place_names import place_words
 from lrm_math.arrays import Array
@@ -72,22 +84,26 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
         "unexplained": [
-            {"acts_like": function.name, "place": function.place, "follows": function.covariates}
+            {"acts_like": function_name(function), **_place_and_variables(function)}
             for function in found.unexplained.functions
         ],
         "anatomy": [
-            {"place": function.place, "follows": function.covariates, "held_out_rms_mm": rms * 1e3}
+            {**_place_and_variables(function), "held_out_rms_mm": rms * 1e3}
             for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,
-        "shifted": [one.sentence for one in found.shifted],
+        "shifted": list(map(shifted_sentence, found.shifted)),
         "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
-        "audit": report.limitations,
+        "audit": list(map(limitation_sentence, report.limitations)),
         "holds": valid_where(report),
-        "hints": report.hints,
+        "hints": list(map(hint_sentence, report.hints)),
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": report.hint,
+        "next_poses_hint": next_step(report),
     }
+
+
+def _place_and_variables(function: FreeFunction) -> dict[str, object]:
+    return {"place": place_of(function), "follows": [one.symbol for one in function.covariates]}
 
 
 def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
@@ -143,10 +159,10 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
                 ("fit error", f"{in_mm(report.fitted.rms)} mm RMS"),
                 ("noise", noise),
                 ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),
-                (BLACK_BOX, report.patterns.predictable.sentence),
+                (BLACK_BOX, predictable_sentence(report.patterns.predictable)),
             )
         ),
-        *section(concentrated, (one.sentence for one in report.patterns.regimes)),
+        *section(concentrated, map(regime_sentence, report.patterns.regimes)),
         *section("\nCandidates, one by one", _reasons(report)),
     ]
     if found.data.several_kinds:
@@ -156,14 +172,14 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
         )
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         ranking = found.unexplained.ranking
-        lines = (f"{function.name} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
+        lines = (f"{function_name(function)} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
         blocks += section("\nStructure of the residuals: what it acts like, and what that depends on", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
-    blocks += section("\nPatterns in the estimates, which are no effects", report.hints)
-    blocks += section("\nWhat these poses cannot show", report.limitations)
+    blocks += section("\nPatterns in the estimates, which are no effects", map(hint_sentence, report.hints))
+    blocks += section("\nWhat these poses cannot show", map(limitation_sentence, report.limitations))
     advice = advice_of(report)
-    blocks += section("\nPoses that would distinguish the causes", () if advice is None else (advice.sentence,))
+    blocks += section("\nPoses that would distinguish the causes", () if advice is None else (advice_sentence(advice),))
     return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]
 
 
@@ -171,7 +187,7 @@ def _reasons(report: DiagnosisReport) -> Iterator[str]:
     """One line on every candidate that is ranked."""
     for advice in report.ranking[:RANKED]:
         name = "" if advice.verdict != Support.NO_EVIDENCE else f"{plain_name(advice.name)}: "
-        yield f"{name}{advice.reason.words(plain_name)}"
+        yield f"{name}{reason_words(advice.reason, plain_name)}"
 
 
 def _floor_mm(report: DiagnosisReport) -> float | None:
@@ -181,7 +197,7 @@ def _floor_mm(report: DiagnosisReport) -> float | None:
 
 def _refusal(effect: Effect, reason: Reason) -> dict[str, str]:
     needs = effect.about.needs or "poses where it moves the TCP more"
-    why = {"reason": str(reason), "kind": reason.kind}
+    why = {"reason": reason_words(reason), "kind": reason.kind}
     return {"effect": effect.id, "place": effect.place, **why, "would_need": needs}
 
 
@@ -201,7 +217,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "online": compensable(effect),
         "is_form": effect.is_free_form,
         "reason": advice.reason.kind,
-        "why": advice.reason.words(plain_name),
+        "why": reason_words(advice.reason, plain_name),
     }
 
 
@@ -211,7 +227,9 @@ def untestable(refused: Sequence[Refusal]) -> Iterator[str]:
     for effect, reason in refused:
         needs = f" (needs {effect.about.needs})" if effect.about.needs else ""
         hardly = reason.kind is ReasonKind.HARDLY_MOVES
-        by_reason[effect.id, HARDLY_SHOWS if hardly else f"{reason}{needs}"].append(place_words(effect.place))
+        by_reason[effect.id, HARDLY_SHOWS if hardly else f"{reason_words(reason)}{needs}"].append(
+            place_words(effect.place)
+        )
     for (name, why), places in by_reason.items():
         yield f"{name} at {', '.join(places)}: {why}"
 
@@ -242,7 +260,7 @@ def left_values(left: ResidualPatterns) -> dict[str, object]:
     return {
         "nameless": left.predictable,
         "noise_bound_rms_mm": left.predictable.noise_bound * 1e3,
-        "regimes": left.regimes,
+        "regimes": list(map(regime_values, left.regimes)),
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, legend_below, plain_number
+from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -54,14 +55,16 @@ def _cumulative(axes: Axes, residual: Array, label: str, colour: str, line: str)
 def _draw_factors(axes: Axes, comparison: ModelComparison) -> None:
     factors = comparison.factors[:FACTORS_DRAWN][::-1]
     share = [100 * factor.share for factor in factors]
-    axes.bar_label(axes.barh([factor.name for factor in factors], share, color=MODEL), fmt="%.0f %%", padding=3)
+    axes.bar_label(
+        axes.barh([variable_name(factor.variable) for factor in factors], share, color=MODEL), fmt="%.0f %%", padding=3
+    )
     axes.set(xlabel="share of the residual that it explains, %", title="What the remaining error depends on")
     axes.set_xlim(0, max(max(share) * 1.25, 5))
 
 
 def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
     factor = comparison.factors[0]
-    groups, title = factor.groups[:GROUPS_DRAWN], f"Mean error by {factor.name}"
+    groups, title = factor.groups[:GROUPS_DRAWN], f"Mean error by {variable_name(factor.variable)}"
     place = np.arange(len(groups))
     rotations = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
     if rotations:
@@ -70,7 +73,7 @@ def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
         axes.bar_label(bars, words, padding=3, fontsize=8)
         axes.margins(y=0.22)
         title += "\n(at each bar: RMS error, poses)"
-        axes.set_ylabel(f"acts like a turn of joint {factor.name.split()[-1]}, deg")
+        axes.set_ylabel(f"acts like a turn of joint {(factor.variable.joint or 0) + 1}, deg")
     else:
         for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):
             bias = [group.bias[k] * 1e3 for group in groups]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -17,8 +18,9 @@ from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view, refitted_keys
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_LINE, figure_file, finish, legend_below
-from lrm_ident.residual.covariates import Covariate, covariates
-from lrm_ident.residual.free_functions import FreeFunction
+from lrm_ident.report.text.variables import axis_label, function_name, in_a_sentence, place_of, variable_name
+from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, covariates
+from lrm_ident.residual.free_functions import CommonMode, FreeFunction
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
 
@@ -47,7 +49,7 @@ def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
         if first is not None:
             view = candidate_view(first, found, known, np.arange(len(data)))
             _draw_evidence(right, plain_name(first.name), np.array(view["added"]), 1e3 * fitted.residual)
-            _draw_form(third[0], first, found, view, {one.name: one for one in known})
+            _draw_form(third[0], first, found, view, {variable_name(one.variable): one for one in known})
         elif found.unexplained.ranking:
             _draw_anatomy(right, found, found.unexplained.ranking[0][0])
     return figure
@@ -104,14 +106,19 @@ def _draw_form(
         points = axes.scatter(x, around[order], s=10, label="poses: the effect and the residual", **colours)
         edges: Any = points.to_rgba(second.shown[order])
         axes.scatter(x, form[order], s=26, marker="D", facecolors="none", edgecolors=edges)
-        axes.figure.colorbar(points, ax=axes, label=second.label)
+        axes.figure.colorbar(points, ax=axes, label=axis_label(second.variable))
     else:
         axes.scatter(x, around[order], s=10, color=NOMINAL, label="poses: the effect and the residual")
         axes.plot(x, form[order], ".", color=MODEL, markersize=4, label=name)
         if (error := _form_error(first, found, view["joint"])) is not None:
             style: Any = {"color": MODEL, "alpha": 0.3, "linewidth": 2, "label": "two standard errors"}
             axes.vlines(x, (form - 2.0 * error)[order], (form + 2.0 * error)[order], **style)
-    finish(axes, driver.label, f"turn of joint {view['joint'] + 1}, deg", f"The effect beside the data: {name}")
+    finish(
+        axes,
+        axis_label(driver.variable),
+        f"turn of joint {view['joint'] + 1}, deg",
+        f"The effect beside the data: {name}",
+    )
 
 
 def _form_error(first: RankedCandidate, found: Diagnosis, joint: int) -> Array | None:
@@ -135,7 +142,7 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     scale, acts_like = _motion_shown(function)
     amount = scale * (found.fit.residual[found.screened].T * motion).sum(axis=0) / length
     first = function.covariates[0]
-    values, name = _followed(found, first) if shift is None else (shift.force, f"{first}, N")
+    values, name = _followed(found, first) if shift is None else (shift.force, f"{in_a_sentence(first)}, N")
     if len(function.covariates) == 1:
         axes.scatter(values, amount, s=12, color=MODEL)
     else:
@@ -147,26 +154,26 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
             axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
     limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
-    title = f"Structure of the residuals: {function.name}"
+    title = f"Structure of the residuals: {function_name(function)}"
     finish(axes, name, f"acts like a {acts_like}", title, legend=len(function.covariates) > 1)
 
 
 def _motion_shown(function: FreeFunction) -> tuple[float, str]:
     """Factor to the unit that is shown, and the motion in words with that unit."""
     if function.shift is not None:
-        return 1e3, f"shift of {function.place} along that force, mm"
+        return 1e3, f"shift of {place_of(function)} along that force, mm"
     if function.joint is not None:
-        return float(np.degrees(1.0)), f"turn of {function.place}, deg"
-    if "yielding" in function.place:
-        return 1.0, f"change of {function.place}, rad/N·m"
-    return 100.0, f"change of {function.place}, %"
+        return float(np.degrees(1.0)), f"turn of {place_of(function)}, deg"
+    if function.common is CommonMode.YIELDING:
+        return 1.0, f"change of {place_of(function)}, rad/N·m"
+    return 100.0, f"change of {place_of(function)}, %"
 
 
-def _followed(found: Diagnosis, symbol: str) -> tuple[Array, str]:
-    """Values of a covariate at the poses that were screened, and its label; `before`: at the pose measured before."""
-    torque, name = found.fit.equilibrium.joint_torque, symbol.removesuffix(" before")
+def _followed(found: Diagnosis, variable: ExplanatoryVariable) -> tuple[Array, str]:
+    """Values of a variable at the poses that were screened, and its label; `before`: at the pose measured before."""
+    torque, now = found.fit.equilibrium.joint_torque, replace(variable, before=False)
     every = (*covariates(found.data, torque), Covariate("total torque", np.abs(torque).sum(axis=1)))
-    one = next(one for one in every if one.symbol == name)
-    if name == symbol:
-        return one.shown[found.screened], one.label
-    return np.concatenate([one.shown[:1], one.shown[:-1]])[found.screened], f"{one.label}, at the pose before"
+    shown = next(one.shown for one in every if one.variable == now)
+    if now == variable:
+        return shown[found.screened], axis_label(now)
+    return np.concatenate([shown[:1], shown[:-1]])[found.screened], f"{axis_label(now)}, at the pose before"

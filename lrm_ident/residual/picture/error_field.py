@@ -33,12 +33,6 @@ class ArrowScale:
     magnification: float
     largest: float
 
-    @property
-    def words(self) -> str:
-        """Caption of the picture."""
-        enlarged = f"{self.magnification:g} times enlarged, colours to {self.largest * 1e3:g} mm"
-        return f"Dots: measured positions of the tip. Arrows: measured minus predicted, {enlarged}, alike in all steps."
-
 
 @dataclass(frozen=True, eq=False)
 class FieldStep:

@@ -26,6 +26,7 @@ from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.model_history import model_text, undo_step
+from lrm_ident.study.notices import Notice
 from lrm_ident.study.study import Study
 from lrm_ident.workbench.html_report import numbers_html
 from lrm_ident.workbench.work import tasks
@@ -196,9 +197,9 @@ def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading 
     return data
 
 
-def _tell(notices: Iterable[str], send: tasks.Send) -> None:
-    for words in notices:
-        send(tasks.WorkNotice(words))
+def _tell(notices: Iterable[str | Notice], send: tasks.Send) -> None:
+    for one in notices:
+        send(tasks.WorkNotice(str(one)))
 
 
 def _send_step(

@@ -16,6 +16,7 @@ from lrm_ident.data.measurement_file.write import csv_text, measurements_csv, qu
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
@@ -202,8 +203,9 @@ def test_droop_and_flex_are_told_apart_by_joint_feedback(so101: Arm) -> None:
     assert [one.name for one in seen.supported][:1] == ["servo_droop@joint2"]
     blind = positions_only(data)
     unseen = diagnose(fitted(start, blind).model, blind)
-    reasons = {effect.name: str(reason) for effect, reason in unseen.not_testable}
-    assert "one class" in reasons["servo_droop@joint2"]
+    reasons = {effect.name: reason for effect, reason in unseen.not_testable}
+    assert reasons["servo_droop@joint2"].kind is ReasonKind.POSES
+    assert "one class" in reasons["servo_droop@joint2"].said
     assert not unseen.supported
     both = model_of(so101, (*start.effects, *effects_at(so101, "servo_droop@joint2")))
     found = fitted(both, data)

@@ -26,6 +26,8 @@ from lrm_ident.design.observability import MM_PER_M, identification_jacobian
 from lrm_ident.design.optimality import criterion_of
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign
 from lrm_ident.fitting.parameter_sets import fittable
+from lrm_ident.report.text.advice import advice_sentence, hopeless_words
+from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -67,7 +69,7 @@ def test_poses_at_any_angle_tell_what_two_levels_do_not(arm: Arm) -> None:
     advice = advise(model, both, measured, NOISE, most=40)
     assert advice.works
     assert advice.plan is not None
-    assert "distinguish them" in advice.sentence
+    assert "distinguish them" in advice_sentence(advice)
     then = expected(model, both, [measured, advice.plan.poses], NOISE)
     assert [pair.lead for pair in then] == [pair.lead for pair in advice.pairs]
     assert min(pair.lead for pair in then) >= NEEDED
@@ -81,8 +83,12 @@ def test_what_no_pose_tells_is_said_with_the_reason(arm: Arm) -> None:
     advice = advise(model, twins, None, NOISE, most=40)
     assert not advice.works
     assert not advice.helps
-    assert "No poses tried can distinguish" in advice.sentence
-    assert "they move the tip alike (cosine 1.00)" in advice.sentence
+    (worst, *_) = advice.alike
+    assert {worst.there, worst.instead} == {"servo_droop@joint2", "compliance@joint2"}
+    assert worst.cosine > EQUIVALENCE_COSINE
+    words = f"No poses tried can distinguish {worst.there} from {worst.instead}"
+    assert hopeless_words(advice) == words
+    assert advice_sentence(advice).startswith(f"{words}: they move the tip alike (cosine 1.00), with ")
 
 
 def test_the_expected_lead_is_that_of_simulated_measurements(arm: Arm) -> None:

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.confirm import confirm
@@ -35,7 +36,7 @@ from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.better_prediction import paired_z
-from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.data_audit import Limitation, LimitationKind, audit
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
 from lrm_ident.residual.residual_structure import NEIGHBOURS, ResidualStructure, neighbours, residual_structure
 from lrm_ident.residual.thresholds import SIGNIFICANCE
@@ -120,9 +121,10 @@ def test_a_drift_is_said_with_the_largest_motion_that_it_makes(diagnosed: Callab
     diagnosis, case, arm = diagnosed("warm2"), CASES["warm2"], synthetic.load_arm(ARM_FILE)
     truth, (q, load, when) = true_arm(case, 11, arm), measured_poses(case, 11, 300, arm)
     warm, cold = (synthetic.measure(arm, one, q, load, schedule=when) for one in (truth, replace(truth, effects=())))
-    said = re.search(r"by up to ([\d.]+) mm at the tip", build_report(diagnosis).ranking[0].why)
-    assert said is not None
-    assert float(said[1]) == pytest.approx(1e3 * np.linalg.norm(warm - cold, axis=1).max(), rel=0.05)
+    first = build_report(diagnosis).ranking[0]
+    assert first.claim is not None
+    assert first.claim.largest_motion == pytest.approx(np.linalg.norm(warm - cold, axis=1).max(), rel=0.05)
+    assert f"by up to {in_mm(first.claim.largest_motion)} mm at the tip" in first.why
 
 
 @pytest.mark.slow
@@ -149,7 +151,7 @@ def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(
     found = diagnosed("sum-q1-q4")
     assert found.verdict == "unexplained_structure"
     assert found.unexplained.ranking[0][0].joint == 2
-    assert set(found.unexplained.ranking[0][0].covariates) == {"q1", "q4"}
+    assert {one.symbol for one in found.unexplained.ranking[0][0].covariates} == {"q1", "q4"}
 
     model, better, own = tmp_path / "m.toml", tmp_path / "m2.toml", ["--effects-file", page_effect(tmp_path)]
     stdout_of("fit", data_file, "-o", model)
@@ -207,10 +209,11 @@ def test_many_wrong_measurements_are_left_out_whatever_the_loss(tmp_path: Path, 
 def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     model = base_fit(lab, real)
     found = diagnose(model, real)
-    traps = " ".join(audit(real.poses, found.fit.equilibrium.joint_torque))
-    assert "few angles: 3 different ones at joints 1 to 6" in traps
-    assert "follows joint 1 (correlation 0.94)" in traps
-    assert "no reversal: joint 1" in traps
+    traps = {one.kind: one for one in audit(real.poses, found.fit.equilibrium.joint_torque)}
+    assert traps[LimitationKind.FEW_ANGLES] == Limitation(LimitationKind.FEW_ANGLES, (1, 2, 3, 4, 5, 6), (3, 3))
+    assert traps[LimitationKind.ORDER].joints == (1,)
+    assert traps[LimitationKind.ORDER].numbers == pytest.approx((0.94,), abs=0.005)
+    assert 1 in traps[LimitationKind.NO_REVERSAL].joints
     refused = {effect.name for effect, _ in found.not_testable}
     assert {"hysteresis@joint1", "payload@tool", "session@joint2"} <= refused
 

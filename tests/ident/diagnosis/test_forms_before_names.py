@@ -24,7 +24,8 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.plots.diagnosis import draw_report
-from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.covariates import ExplanatoryVariable
+from lrm_ident.residual.parameter_hints import HintKind, ParameterHint, parameter_hints
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at, variants
@@ -136,7 +137,7 @@ def test_play_along_an_axis_has_a_name_and_play_across_it_has_none(
     assert found.verdict == "unexplained_structure"
     assert found.supported == ()
     [function] = found.unexplained.functions
-    assert (function.joint, function.covariates) == (3, ("the force across its axis",))
+    assert (function.joint, function.covariates) == (3, (ExplanatoryVariable("force"),))
     draw_report(build_report(found), tmp_path / "why.png")
     assert (tmp_path / "why.png").read_bytes().startswith(b"\x89PNG")
 
@@ -218,11 +219,10 @@ def test_lengths_that_are_long_by_one_share_ask_for_the_trackers_scale(lab: Arm,
     soft = GroundTruth.random(described, 0).joint_compliance_rad_per_nm
     truth = replace(GroundTruth.nominal(described), joint_compliance_rad_per_nm=soft)
     data = measured(described, replace(truth, effects=(stretched,)), 9)
-    [hint] = [hint for hint in parameter_hints(refitted(lab, data)) if "scale" in hint]
-    assert float(hint.partition("are ")[2].split()[0]) == pytest.approx(0.80, abs=0.005)
-    assert "longer" in hint
+    [hint] = [hint for hint in parameter_hints(refitted(lab, data)) if hint.kind is HintKind.SCALED_LENGTHS]
+    assert hint.numbers[0] == pytest.approx(0.0080, abs=5e-5)
     other = measured(described, GroundTruth.random(described, 0), 9)
-    assert not [hint for hint in parameter_hints(refitted(lab, other)) if "scale" in hint]
+    assert HintKind.SCALED_LENGTHS not in {hint.kind for hint in parameter_hints(refitted(lab, other))}
 
 
 def test_gain_at_few_levels_is_hinted_at(lab: Arm, described: ArmDescription) -> None:
@@ -232,7 +232,7 @@ def test_gain_at_few_levels_is_hinted_at(lab: Arm, described: ArmDescription) ->
     few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90)), tcp=tcp)
     model = model_of(lab, effects_at(lab, "servo_gain@joint2"))
     hints = parameter_hints(fit(replace(model, free=model.keys), few))
-    assert any(hint.startswith("servo_gain of joint 2 rest on 3 levels") for hint in hints)
+    assert ParameterHint(HintKind.FEW_LEVELS, (3,), ("joint2", "servo_gain")) in hints
 
 
 @pytest.mark.slow

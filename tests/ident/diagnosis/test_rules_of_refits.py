@@ -141,12 +141,12 @@ def test_of_a_parameter_at_its_bound_neither_error_nor_share_of_the_data_is_stat
 
 
 def test_an_estimate_that_was_absurd_before_is_no_objection(monkeypatch: Patch) -> None:
-    old, new = (SimpleNamespace(key=key, sentence=f"{key} is absurd") for key in ("old", "new"))
+    old, new = (SimpleNamespace(key=key) for key in ("old", "new"))
     monkeypatch.setattr(candidate_trial, "implausible_of", lambda fit: fit)
     monkeypatch.setattr(candidate_trial, "wald_p_value", lambda *_: 0.0)
     assert candidate_trial.objection_to_estimates((old,), (), (old,)) is None  # type: ignore[arg-type]
     absurd = candidate_trial.objection_to_estimates((old, new), (), (old,))  # type: ignore[arg-type]
-    assert absurd == Reason(ReasonKind.ABSURD, said="new is absurd")
+    assert absurd == Reason(ReasonKind.ABSURD, subject=new)  # type: ignore[arg-type]
 
 
 def test_an_error_that_is_said_is_that_of_the_tip_in_mm() -> None:

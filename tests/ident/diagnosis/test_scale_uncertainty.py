@@ -14,7 +14,8 @@ from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.scale_uncertainty import scale_caveat, scale_uncertainty
+from lrm_ident.report.text.residuals import scale_sentence
+from lrm_ident.residual.scale_uncertainty import ScaleUncertainty, scale_left_open, scale_uncertainty
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
@@ -62,10 +63,12 @@ def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_e
     common = np.mean([fit.model.value(f"measurement_frame.frame.scale_{axis}_mm_per_m") for axis in "xyz"])
     assert abs(common - SCALE / 3.0) < 2.0 * found.sd
     assert found.sd > 5e-4
-    assert "distance_mm" in found.sentence
-    assert "mostly its prior (typical: 0.33 mm/m)" in found.sentence, "its interval misses a worse tracker's scale"
-    assert scale_caveat("measurement_frame@frame", fit) == found.sentence
-    assert not scale_caveat("frame_curve@frame", fit)  # said at the step that brought it, not again
+    assert "distance_mm" in scale_sentence(found)
+    assert "mostly its prior (typical: 0.33 mm/m)" in scale_sentence(found), (
+        "its interval misses a worse tracker's scale"
+    )
+    assert scale_left_open("measurement_frame@frame", fit) == found
+    assert scale_left_open("frame_curve@frame", fit) is None  # said at the step that brought it, not again
 
 
 def test_a_known_length_decides_it(lab: Arm) -> None:
@@ -91,7 +94,8 @@ def test_depth_alone_tells_the_lengths_and_the_verdict_says_what_that_supposes(l
     along = np.sin(fit.model.value("depth_scale.frame.elevation_rad"))
     assert abs(along) > 0.95
     assert fit.model.value("depth_scale.frame.scale_mm_per_m") == pytest.approx(SCALE, abs=1e-3)
-    assert "right across that direction" in scale_caveat("depth_scale@frame", fit)
+    assert scale_left_open("depth_scale@frame", fit) == ScaleUncertainty()
+    assert scale_sentence(ScaleUncertainty()).startswith("taken as right across that direction: ")
 
 
 NOISE = 3e-4
@@ -112,7 +116,7 @@ def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, see
     report = diagnosed(*upright_measurements(tmp_path, seed, 300, NOISE, (band,)))
     assert len(report.diagnosis.outlier_distances) >= 5
     assert report.verdict not in ("nothing_missing", "noise_unknown")
-    assert report.patterns.regimes[0].name == f"q{joint}"
+    assert report.patterns.regimes[0].quantity.variable.symbol == f"q{joint}"
     assert set(report.diagnosis.outlier_distances) <= set(
         report.patterns.pose[report.patterns.regimes[0].rows].tolist()
     )

@@ -210,7 +210,7 @@ def like_noise(p_value: float, _: Patch) -> bool:
 
 
 def regime_worth_saying(ratio: float, patch: Patch) -> bool:
-    quantity = SimpleNamespace(symbol="q1", kind=next(iter(regime.UNITS)))
+    quantity = SimpleNamespace(variable="q1", kind=next(iter(regime.UNITS)))
     patch.setattr(regime, "covariates", lambda *_: [quantity])
     patch.setattr(regime, "_halves", lambda _: [np.arange(MANY) % 2 == 0])
     for name in ("_aggregated_p_value", "_parts", "_ranks", "_best_interval"):

@@ -10,11 +10,12 @@ import pytest
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP, DiagnosisReport
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
+from lrm_ident.report.text.advice import NEXT_STEP, next_step
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
@@ -43,9 +44,8 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     report = better_study.diagnose()
     found = conclude(report)
     assert found.headline == "Backlash in joint 2 is in the model; no systematic error is left."
-    assert report.hint == "Save the model and give it to the rover: lrm deploy MODEL.", (
-        "what the page says without files"
-    )
+    without_files = "Save the model and give it to the rover: lrm deploy MODEL."
+    assert next_step(report) == without_files, "what the page says without files"
     assert found.next[0].words.startswith("Gives the model to lrmd"), "what the command does stands at the command"
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lrm_ident as lrm
+from lrm_ident.report.text.advice import next_step
 from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
@@ -29,5 +30,6 @@ def test_of_data_of_two_sessions_another_one_is_asked_for() -> None:
     assert found.first is not None
     names = {found.first.scored.name, *found.first.equivalent}
     assert {"session@joint1", "change_point@joint1"} <= names
-    assert "two or more sessions" not in found.hint
-    assert "another session, with some of the same poses" in found.hint
+    words = next_step(found)
+    assert "two or more sessions" not in words
+    assert "another session, with some of the same poses" in words

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lrm_ident.report.plain_names import plain_name
-from lrm_ident.residual.covariates import symbol_words
+from lrm_ident.report.text.variables import in_a_sentence
+from lrm_ident.residual.covariates import ExplanatoryVariable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import ALL_EFFECTS
 from lrm_math.effects.base import Excitation
@@ -34,17 +35,18 @@ def test_names_of_effects_have_words(name: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("symbol", "words"),
+    ("variable", "symbol", "words"),
     [
-        ("q1", "the angle of joint 1"),
-        ("tau14 before", "the torque of joint 14 before"),
-        ("the last motion of q3", "the last motion of the angle of joint 3"),
-        ("order", "order"),
-        ("q1_meas_deg", "q1_meas_deg"),
+        (ExplanatoryVariable("angle", 0), "q1", "the angle of joint 1"),
+        (ExplanatoryVariable("torque", 13, before=True), "tau14 before", "the torque of joint 14 before"),
+        (ExplanatoryVariable("motion", 2), "the last motion of q3", "the last motion of the angle of joint 3"),
+        (ExplanatoryVariable("order"), "order", "order"),
+        (ExplanatoryVariable("x"), "position x", "x of the tip"),
     ],
 )
-def test_symbols_of_quantities_have_words(symbol: str, words: str) -> None:
-    assert symbol_words(symbol) == words
+def test_variables_have_a_symbol_and_words(variable: ExplanatoryVariable, symbol: str, words: str) -> None:
+    assert variable.symbol == symbol
+    assert in_a_sentence(variable) == words
 
 
 @pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.id)
@@ -67,9 +69,13 @@ def test_what_couples_two_joints_says_which_follows() -> None:
 
 
 def test_judgements_are_not_parsed() -> None:
-    """The rooms of diagnosis and report take no text apart; what people type and what formats need is named here."""
+    """These rooms take no text apart; what people type and what formats need is named here."""
     typed_or_written = {"glossary.py", "comparison_scene.py"}
-    sources = [path for room in ("diagnosis", "report") for path in (ROOT / "lrm_ident" / room).rglob("*.py")]
+    sources = [
+        path
+        for room in ("fitting", "residual", "diagnosis", "report")
+        for path in (ROOT / "lrm_ident" / room).rglob("*.py")
+    ]
     assert len(sources) > 50
     parsing = {path.name for path in sources if "\nimport re\n" in path.read_text(encoding="utf-8")}
     assert parsing == typed_or_written

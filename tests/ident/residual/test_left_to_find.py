@@ -13,6 +13,9 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds
+from lrm_ident.report.text.poses import where_measured
+from lrm_ident.report.text.residuals import regime_sentence
+from lrm_ident.residual.covariates import ExplanatoryVariable
 from lrm_ident.residual.data_audit import FEW_LEVELS, where_it_holds
 from lrm_ident.residual.error_breakdown import compare
 from lrm_ident.residual.gaussian_process import FactoredKernel, Kernel, condition, fit_kernel, log_marginal_likelihood
@@ -159,7 +162,7 @@ def test_an_unknown_law_is_predicted_down_to_the_noise_and_its_inputs_are_named(
     law = 0.01 * np.sin(q[:, 0] + q[:, 3])[:, None] * np.array([0.5, -0.3, 1.0])
     found = predicted(3, law)
     assert found.more_to_find
-    assert set(found.follows[:2]) == {"q1", "q4"}
+    assert {*found.follows[:2]} == {ExplanatoryVariable("angle", 0), ExplanatoryVariable("angle", 3)}
     assert NOISE * np.sqrt(3.0) * 0.9 < found.noise_bound < 2.0 * NOISE * np.sqrt(3.0) < error_stats(found.before).rms
 
 
@@ -169,7 +172,7 @@ def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named()
     position = reach(poses_of(3))
     found = predicted(3, 0.002 * np.sin(20.0 * position[:, :1]) * np.array([0.3, 1.0, 0.0]))
     assert found.more_to_find
-    assert found.follows[0] == "position x"
+    assert found.follows[0] == ExplanatoryVariable("x")
     assert found.error.rms < 1.2 * NOISE * np.sqrt(3.0)
 
 
@@ -185,13 +188,14 @@ def test_a_law_of_the_direction_of_approach_is_predicted_and_is_named(seed: int,
     residual = noise + 0.001 * side[:, joint, None] * turned
     found = predictable_error(replace(data, tcp=data.tcp + residual), blocks_of(data, residual))
     assert found.more_to_find
-    assert f"direction of approach of joint {joint + 1}" in found.follows[:2]
+    assert ExplanatoryVariable("direction", joint) in found.follows[:2]
     assert found.error.rms < 1.3 * NOISE * np.sqrt(3.0)
 
 
 def test_inputs_that_do_not_vary_or_repeat_another_are_left_out() -> None:
     data = poses_of(0)
-    assert tuple(pose_covariates(data, data.tcp)) == ("q1", "q2", "q3", "q4", "order", "load")
+    symbols = [one.symbol for one in pose_covariates(data, data.tcp)]
+    assert symbols == ["q1", "q2", "q3", "q4", "order", "load"]
     np.testing.assert_allclose([values.std() for values in pose_covariates(data, data.tcp).values()], 1.0)
 
 
@@ -202,11 +206,11 @@ def test_an_error_in_a_part_of_joint_space_is_found_there() -> None:
     residual[stuck] *= 3.0
     (found, *others) = find_regimes(data, (residual**2).sum(axis=1))
     assert not others
-    assert found.name == "q2"
+    assert found.quantity.variable == ExplanatoryVariable("angle", 1)
     assert found.low is None
     assert found.high == pytest.approx(-50.0, abs=15.0)
     assert found.inside > 2.0 * found.outside
-    assert f"; {100 * found.share:.0f} % of the squared error lies there. " in found.sentence
+    assert f"; {100 * found.share:.0f} % of the squared error lies there. " in regime_sentence(found)
 
 
 @pytest.mark.slow
@@ -243,7 +247,7 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     np.testing.assert_allclose(found.predictable.before, cross_validated_residual(model, data))
     np.testing.assert_allclose(held_out_residual(found.held_out.blocks), found.predictable.before)
     assert found.predictable.more_to_find
-    assert found.predictable.follows[0] == "q2"
+    assert found.predictable.follows[0] == ExplanatoryVariable("angle", 1)
 
 
 @pytest.mark.parametrize("levels", [None, 7])
@@ -282,10 +286,12 @@ def test_few_levels_and_half_a_range_are_named() -> None:
     q = np.radians(
         np.column_stack([rng.choice([-40.0, 0.0, 40.0], 90), rng.uniform(0, 90, 90), rng.uniform(-90, 90, 90)])
     )
-    said = where_it_holds(q, LOWER, UPPER)
-    assert "joint 1 at -40, 0, 40 deg only" in said
-    assert "joint 2 from " in said
-    assert "joint 3" not in said
+    few, half = where_it_holds(q, LOWER, UPPER)
+    assert (few.joint, few.levels) == (1, (-40.0, 0.0, 40.0))
+    assert (half.joint, half.levels) == (2, ())
+    assert (half.least, half.most) == pytest.approx((0.0, 90.0), abs=5.0)
+    words = f"only where it was measured: joint 1 at -40, 0, 40 deg only; joint 2 from {half.least:.0f} to "
+    assert where_measured((few, half)) == f"{words}{half.most:.0f} deg"
 
 
 @given(st.integers(0, 2**31), st.integers(FEW_LEVELS + 1, 40))
@@ -294,4 +300,4 @@ def test_nothing_is_said_of_a_range_that_was_covered(seed: int, levels: int) -> 
     angles = np.linspace(-90.0, 90.0, levels)
     order = np.random.default_rng(seed)
     q = np.radians(np.column_stack([order.permutation(angles) for _ in range(3)]))
-    assert where_it_holds(q, LOWER, UPPER) == ""
+    assert where_it_holds(q, LOWER, UPPER) == ()

@@ -18,6 +18,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.report.model_report import quick_report
 from lrm_ident.study.model_history import model_text
+from lrm_ident.study.notices import NoticeKind
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -104,8 +105,12 @@ def test_numbers_and_times_of_other_data_do_not_matter(
         data = saved(measured([first + row for row in order], t0, session), Path(folder))
         study = lrm.read_study(model, data)
         assert {effect.name for effect in study.model.effects} == set(LASTING)
-        assert all(name in study.notices[-1] for name in names)
-        assert len([words for words in study.notices if "not what the model was fitted to" in words]) == 1
+        (left_out,) = (notice for notice in study.notices if notice.kind is NoticeKind.OTHER_DATA)
+        assert left_out.names[0] == data.name
+        assert {*names} <= {*left_out.names[1:]}
+        assert str(left_out).startswith(
+            f"{data.name} is not what the model was fitted to; left out, as of that session"
+        )
         right = solve_equilibrium(lasting, study.data.poses).tcp
         np.testing.assert_allclose(study.compare().residual, study.data.tcp - right, atol=1e-12)
         np.testing.assert_allclose(quick_report(study).field.steps[-1].residual, study.data.tcp - right, atol=1e-12)
@@ -129,7 +134,7 @@ def test_on_its_own_data_the_model_is_whole(names: list[str], more: bool) -> Non
                 file.write(",".join([str(COUNT + 1), *row[1:-1], str(COUNT + 1)]) + "\n")
         study = lrm.read_study(model, data)
         assert {effect.name for effect in study.model.effects} == {*LASTING, *names}
-        assert not any("left out" in words for words in study.notices)
+        assert NoticeKind.OTHER_DATA not in {notice.kind for notice in study.notices}
         part = study.data.take(np.arange(3, COUNT))
         whole = solve_equilibrium(lrm.load_model(model), part.poses).tcp
         if not more:

@@ -20,9 +20,11 @@ from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.fitting.field.regression import MOST_NUMBERS, field_posterior
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.study import field_step
-from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
+from lrm_ident.study.field_step import NoBetterPrediction
 from lrm_ident.study.inputs import read_study
+from lrm_ident.study.notices import Notice, NoticeKind
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -87,7 +89,7 @@ def test_the_causes_keep_their_values_and_diagnosis_does_not_see_it(fitted: Stud
     np.testing.assert_allclose(causes.values, fitted.model.values, atol=1e-6)
     seen = with_field.identifiable()
     assert field_of(seen.model) is None
-    assert seen.notices[-1].startswith("the residual field is left out here")
+    assert seen.notices[-1] == Notice(NoticeKind.FIELD_LEFT_OUT)
     assert [one.name for one in seen.screen().scored] == [one.name for one in fitted.screen().scored]
     assert with_field.undo().model.free == fitted.model.free
 
@@ -159,7 +161,7 @@ def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[
 @pytest.mark.long
 def test_the_command_says_that_it_is_no_cause(real: Measurements, by_command: tuple[Path, str]) -> None:
     file, out = by_command
-    assert WHAT_IT_IS in out
+    assert WHAT_A_FIELD_IS in out
     assert "numbers of a residual field, which are not causes" in out
     assert "residual_field.tool" not in out, "no coefficient means anything alone"
     _, _, told = run_command("diagnose", file, real.path)

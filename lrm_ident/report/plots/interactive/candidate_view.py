@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.weights.whitening import RowWeights
-from lrm_ident.diagnosis.claim import DISPLAY_UNITS
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
+from lrm_ident.report.text.claims import DISPLAY_UNITS
+from lrm_ident.report.text.reasons import reason_words
+from lrm_ident.report.text.variables import function_name, variable_name
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arm.place_names import joint_numbers
@@ -77,15 +79,17 @@ def candidate_view(
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, lawful, joints)
     about, function = scored.candidate.effect.about, found.unexplained.spurious.get(scored.name)
+    resembles = "" if function is None else function_name(function)
+    refused = reason_words(scored.implausible) if scored.implausible else resembles
     return {
         "name": scored.name,
         "added": rounded(_drawn(added, rows) * 1e3, UM),
         "turns": rounded(np.degrees(_drawn(beyond.T, rows).T), ANGLE),
         "shown": {"joint": joint_shown, "driver": driver_shown},
         "joint": joint,
-        "driver": drivers[0].name,
-        "second": drivers[1].name if len(drivers) > 1 else "",
-        "refused": str(scored.implausible or ("" if function is None else function.name)),
+        "driver": variable_name(drivers[0].variable),
+        "second": variable_name(drivers[1].variable) if len(drivers) > 1 else "",
+        "refused": refused,
         "form": rounded(np.where(seen, np.degrees(_drawn(turns[joint], rows)), np.nan), ANGLE),
         "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},

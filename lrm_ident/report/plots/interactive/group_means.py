@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate, levels
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
 from lrm_math.arm.place_names import joint_numbers
@@ -52,12 +53,12 @@ def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: S
     """
     most = max((float(squares[joint]) for squares in explained for joint in joints), default=0.0)
     near = [
-        (one.joint != joint, -float(squares[joint]), joint, one.name)
+        (one.joint != joint, -float(squares[joint]), joint, variable_name(one.variable))
         for squares, one in zip(explained, known, strict=True)
         for joint in joints
         if squares[joint] >= AS_MUCH * most
     ]
-    *_, joint, name = min(near, default=(True, 0.0, joints[0], known[0].name if known else ""))
+    *_, joint, name = min(near, default=(True, 0.0, joints[0], variable_name(known[0].variable) if known else ""))
     return joint, name
 
 

@@ -20,6 +20,8 @@ from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, 
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, of_data, rivals
 from lrm_ident.report.story import GEOMETRY, StoryStep
+from lrm_ident.report.text.residuals import arrows_caption
+from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
@@ -56,7 +58,8 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     return {
         **_drawn(found.field, found.poses),
         "drivers": [
-            {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
+            {"name": variable_name(one.variable), "label": axis_label(one.variable), "values": rounded(one.shown, 4)}
+            for one in found.covariates
         ],
         "verdict": found.verdict,
         "facts": [[label, words, label in FIRST] for label, words in found.facts],
@@ -101,7 +104,7 @@ def _drawn(field: ErrorField, data: Measurements) -> dict[str, Any]:
         "scale": {
             "magnification": field.scale.magnification,
             "largest": field.scale.largest * 1e3,
-            "words": field.scale.words,
+            "words": arrows_caption(field.scale),
             "colours": COLOURS,
         },
     }

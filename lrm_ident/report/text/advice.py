@@ -1,0 +1,108 @@
+"""Sentences on what to measure next: poses that distinguish causes, and where candidate poses come from."""
+
+from __future__ import annotations
+
+from lrm_ident.design.advice import Advice, MeasuringPlan
+from lrm_ident.design.expected_lead import NEEDED
+from lrm_ident.design.pose_design import ClearAngles
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.judgement import Support, Verdict
+from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE, Z_THRESHOLD
+
+NEXT_STEP = {
+    Verdict.UNEXPLAINED_STRUCTURE: (
+        "Search for a formula. If you know the cause, write it as an effect: docs/effects.md"
+    ),
+    Verdict.UNPREDICTABLE: (
+        "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
+        "one that does not is a loose part, creep, or noise larger than stated."
+    ),
+    Verdict.NOTHING_MISSING: "Save the model and give it to the rover: lrm deploy MODEL.",
+    Verdict.NOISE_UNKNOWN: (
+        "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
+        "(noise_sd_mm), and diagnose again."
+    ),
+}
+"""Advice after a verdict that names no cause."""
+NO_POSE = "No pose that keeps clear was found, so no poses can be proposed."
+
+
+def next_step(report: DiagnosisReport) -> str:
+    """What to do after a verdict; where an effect is to be added, which poses would distinguish its equivalents."""
+    if report.verdict in NEXT_STEP:
+        return NEXT_STEP[report.verdict]
+    diagnosis = report.diagnosis
+    kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
+    supported = [one.name for one in report.ranking[:1] if one.verdict != Support.NO_EVIDENCE]
+    names = [name for first in supported for name in (first, *diagnosis.equivalent[first])]
+    if not names:
+        return "Repeat a few poses to know the noise, and measure in random order with two loads."
+    plain = [name for name in names if name in kinds]
+    needs = dict.fromkeys(kinds[name].about.needs for name in plain if kinds[name].about.needs)
+    what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
+    if len(names) > 1 or kinds[names[0]].is_free_form:
+        return f"Measure poses that distinguish the possible causes: {what}."
+    return "Add the best candidate, refit everything, and diagnose again."
+
+
+def plan_options(plan: MeasuringPlan) -> str:
+    """The plan as options of `design`."""
+    return f"--levels any --loads-g {','.join(_grams(plan))} -n {len(plan.poses)}"
+
+
+def _grams(plan: MeasuringPlan) -> list[str]:
+    return [f"{1e3 * load:g}" for load in plan.loads]
+
+
+def _plan_words(plan: MeasuringPlan) -> str:
+    carrying = "without a load" if plan.loads == (0.0,) else f"with {' and '.join(_grams(plan))} g"
+    waiting = f", half of them held for {plan.hold:g} s before the reading" if plan.hold else ""
+    count = f"{len(plan.poses)} poses at any angles, {carrying}"
+    return f"{count}, each joint coming from both sides, in random order{waiting}"
+
+
+def hopeless_words(advice: Advice) -> str:
+    """That no poses distinguish any of the causes; empty where some do."""
+    if advice.helps:
+        return ""
+    return NO_POSE if advice.plan is None else _none_can(advice)
+
+
+def _none_can(advice: Advice) -> str:
+    worst = advice.alike[0]
+    return f"No poses tried can distinguish {worst.there} from {worst.instead}"
+
+
+def advice_sentence(advice: Advice) -> str:
+    """What to measure and what it will tell; or that nothing will, and why."""
+    if advice.plan is None:
+        return NO_POSE
+    how = _plan_words(advice.plan)
+    if advice.works:
+        least = min(pair.lead for pair in advice.pairs)
+        form = next((pair for pair in advice.pairs if pair.told and pair.one_form), None)
+        provided = "" if form is None else f", if the formula of {form.there} or {form.instead} is exact"
+        return (
+            f"{how}, distinguish them: the true cause is expected to lead by {least:.1f} standard errors "
+            f"or more ({Z_THRESHOLD:g} are needed){provided}."
+        )
+    worst = advice.alike[0]
+    why = (
+        f"they move the tip alike (cosine {worst.cosine:.2f})"
+        if worst.cosine > EQUIVALENCE_COSINE
+        else f"it would lead by {worst.lead:.1f} standard errors, and {NEEDED:.1f} must be expected"
+    )
+    none = f"{_none_can(advice)}: {why}"
+    return f"{none}; {how}, distinguish the others." if advice.helps else f"{none}, with {how}."
+
+
+def candidates_words(origin: ClearAngles) -> str:
+    """Where candidate poses come from."""
+    what = f"{origin.tried} random poses" if origin.random else f"{origin.tried} combinations of levels"
+    words = f"{origin.clear} of {what} keep clear"
+    if origin.seen is not None:
+        words += f", {origin.seen} of these show the board to the camera"
+    if origin.drawn is not None:
+        words += f"; {origin.drawn} of them, drawn at random, are looked at"
+    bare = "; the arm has no shapes, so only the lines between its joints were held to the rules"
+    return words + (bare if origin.shapeless else "")

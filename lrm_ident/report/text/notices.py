@@ -1,0 +1,39 @@
+"""Notices in words: what a user should know of the files and steps of a study, one line each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lrm_ident.data.wording import enumerate_words, poses_count, poses_words
+from lrm_ident.study.notices import Notice, NoticeKind
+
+NAMED = 12  # effects or poses in a line
+
+
+def notice_words(notice: Notice) -> str:
+    """A notice in one line."""
+    names = notice.names
+    match notice.kind:
+        case NoticeKind.READ:
+            return notice.said
+        case NoticeKind.AS_FITTED:
+            return f"as in the model's fit: {fit_words(names[0], notice.poses)}"
+        case NoticeKind.OTHER_DATA:
+            here = f"{names[0] or 'the file of these poses'} is not what the model was fitted to"
+            return f"{here}; left out, as of that session alone: {enumerate_words(names[1:], NAMED)}"
+        case NoticeKind.OTHER_EFFECTS:
+            return f"{names[0]} is not the file that {names[1]} was fitted with (its SHA-256 differs)"
+        case NoticeKind.OTHER_PRIOR:
+            return f"the model was fitted with the prior '{names[0]}'; this goes on with that of typical sizes"
+        case NoticeKind.FIELD_LEFT_OUT:
+            return "the residual field is left out here: it is no cause; add it again when all causes are in the model"
+        case NoticeKind.OUTLIERS:
+            return f"outliers, left out: {poses_words(notice.poses)}"
+
+
+def fit_words(loss: str, left_out: Sequence[int]) -> str:
+    """Loss and left-out poses of a fit; empty for least squares of all poses."""
+    how = [] if loss == "squared" else [f"loss {loss}"]
+    if left_out:
+        how.append(f"{poses_count(len(left_out))} left out: {enumerate_words(list(map(str, left_out)), NAMED)}")
+    return "; ".join(how)

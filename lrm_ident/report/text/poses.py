@@ -1,0 +1,43 @@
+"""Sentences on poses: what they cannot show, and where a verdict of them holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lrm_ident.residual.data_audit import Limitation, LimitationKind, MeasuredAngles
+
+
+def limitation_sentence(one: Limitation) -> str:
+    """What some poses cannot show, and why."""
+    joints = _joints(one.joints)
+    match one.kind:
+        case LimitationKind.FEW_ANGLES:
+            least, most = one.numbers
+            levels = f"{least:g}" if least == most else f"{least:g} to {most:g}"
+            return f"few angles: {levels} different ones at {joints}, so their errors look alike"
+        case LimitationKind.ORDER:
+            return f"order: follows {joints} (correlation {one.numbers[0]:.2f}), as drift would"
+        case LimitationKind.NO_REVERSAL:
+            return f"no reversal: {joints} came from one side, so friction cannot show"
+        case LimitationKind.ONE_SIDED:
+            return f"one-sided torque: gravity loads {joints} to one side, so backlash cannot show there"
+        case LimitationKind.ONE_LOAD:
+            return "one load: stiffness, backlash and mass look alike"
+
+
+def _joints(numbers: Sequence[int]) -> str:
+    names = list(map(str, numbers))
+    if len(names) > 2 and len(names) == numbers[-1] - numbers[0] + 1:
+        return f"joints {names[0]} to {names[-1]}"
+    return f"joint {''.join(names)}" if len(names) < 2 else f"joints {', '.join(names[:-1])} and {names[-1]}"
+
+
+def where_measured(parts: Sequence[MeasuredAngles]) -> str:
+    """Where a verdict holds; empty where the poses cover the arm's range."""
+    words = [
+        f"joint {one.joint} at {', '.join(f'{level:g}' for level in one.levels)} deg only"
+        if one.levels
+        else f"joint {one.joint} from {one.least:.0f} to {one.most:.0f} deg"
+        for one in parts
+    ]
+    return f"only where it was measured: {'; '.join(words)}" if words else ""

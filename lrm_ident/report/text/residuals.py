@@ -1,0 +1,161 @@
+"""Sentences on the residuals: what predicts them, where they are largest, what the estimates show together."""
+
+from __future__ import annotations
+
+import math
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, quantity
+from lrm_ident.diagnosis.shifted_rows import ShiftedRows
+from lrm_ident.report.text.variables import in_a_sentence
+from lrm_ident.residual.covariates import ExplanatoryVariable
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
+from lrm_ident.residual.picture.error_field import ArrowScale
+from lrm_ident.residual.predictability import PredictableError
+from lrm_ident.residual.regime import UNITS, Regime
+from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
+from lrm_math.arm.place_names import place_words
+from lrm_math.effects.tracker_errors import FRAME_TYPICAL
+
+UNSEEN = "the fit saw none of these poses: the model's own error is a held-out one"
+BLACK_BOX = "a black-box model, which learns the pattern of the error but no cause,"
+"""What *black-box model* means, where it stands first."""
+NAMED = 3  # variables in a sentence
+QUESTIONS = {
+    ("angle", "end"): "Does a stop, a tight cable or another part touch there?",
+    ("angle", "middle"): "Does a gear tooth or a cable catch there?",
+    ("load", "end"): "Is the load's mass or centre wrong, or a spring not linear?",
+    ("load", "middle"): "Was another load mounted than stated?",
+    ("order", "end"): "Did the arm warm up, or something come loose or move?",
+    ("order", "middle"): "Did something move, or did somebody touch the arm?",
+}
+"""What may have caused a regime, by the kind of its variable and where the interval lies."""
+A_LENGTH = "A known length does: measure some distances, too (distance_mm), with a string or a ball bar."
+NEIGHBOURS = {1: "before", -1: "after"}
+
+
+def why_not_held_out(held_out: HeldOutResidual) -> str:
+    """Why there is no held-out error."""
+    return UNSEEN if held_out.unseen else held_out.reason
+
+
+def predictable_brief(found: PredictableError) -> str:
+    """What the black-box model reaches, and what that means."""
+    reached = f"{in_mm(found.error.rms)} mm RMS"
+    return f"{reached}: the error is systematic" if found.more_to_find else f"finds nothing systematic ({reached})"
+
+
+def predictable_sentence(found: PredictableError) -> str:
+    """Prediction of the residual by the black-box model, and what it depends on."""
+    before, after = in_mm(error_stats(found.before).rms), in_mm(found.error.rms)
+    if not found.more_to_find:
+        return f"{BLACK_BOX} predicts no better ({after} mm RMS with it)"
+    return (
+        f"{BLACK_BOX} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
+        f"cause. It depends on {enumerate_words(list(map(_followed, found.follows)), NAMED)}."
+    )
+
+
+def _followed(one: ExplanatoryVariable) -> str:
+    return "the order of measurement" if one.kind == "order" else in_a_sentence(one)
+
+
+def where(regime: Regime) -> str:
+    """Interval of a regime, for instance `the angle of joint 2 < -40°`."""
+    name, unit, low, high = (
+        in_a_sentence(regime.quantity.variable),
+        UNITS[regime.quantity.kind],
+        regime.low,
+        regime.high,
+    )
+    if regime.quantity.kind == "order":
+        if high is None:
+            return f"measured after number {int(low or 0.0)}"
+        return (
+            f"measured up to number {int(high)}"
+            if low is None
+            else f"measured as numbers {int(low) + 1} to {int(high)}"
+        )
+    if low is None:
+        return f"{name} < {high:.4g}{unit}"
+    return f"{name} > {low:.4g}{unit}" if high is None else f"{low:.4g}{unit} < {name} < {high:.4g}{unit}"
+
+
+def _question(regime: Regime) -> str:
+    """A question on what may have caused it."""
+    return QUESTIONS[regime.quantity.kind, "end" if None in (regime.low, regime.high) else "middle"]
+
+
+def regime_brief(regime: Regime) -> str:
+    """The concentration, and a question on possible causes."""
+    rms = f"{in_mm(regime.inside)} mm RMS, else {in_mm(regime.outside)} mm"
+    return f"{regime.poses} poses ({where(regime)}): {rms}. {_question(regime)}"
+
+
+def regime_sentence(regime: Regime) -> str:
+    """Concentration of the error in the interval, and possible causes."""
+    inside = f"{in_mm(regime.inside)} mm RMS in {regime.poses} poses ({where(regime)})"
+    return (
+        f"{inside}, {in_mm(regime.outside)} mm elsewhere; "
+        f"{in_percent(regime.share)} % of the squared error lies there. {_question(regime)}"
+    )
+
+
+def regime_values(regime: Regime) -> dict[str, object]:
+    """One entry of the table `regimes`."""
+    ordered = regime.quantity.kind == "order"
+    return {
+        "quantity": "number in order" if ordered else regime.quantity.variable.symbol,
+        "unit": UNITS[regime.quantity.kind].strip(),
+        "low": regime.low,
+        "high": regime.high,
+        "poses": regime.poses,
+        "share_of_squared_error": regime.share,
+        "inside_rms_mm": regime.inside * 1e3,
+        "outside_rms_mm": regime.outside * 1e3,
+        "p_value": regime.p_value,
+        "sentence": regime_sentence(regime),
+    }
+
+
+def scale_sentence(scale: ScaleUncertainty | None) -> str:
+    """What stays open of a tracker's scale, and what would decide it; empty where nothing does."""
+    if scale is None:
+        return ""
+    if scale.sd is None or scale.at_tip is None:
+        along = "no pose distinguishes a scale along all axes together from longer links"
+        return f"taken as right across that direction: {along}. {A_LENGTH}"
+    return (
+        f"known to ± {1e3 * scale.sd:.2g} mm/m along all axes together, ± {1e3 * scale.at_tip:.2g} mm at the deployed "
+        f"tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may err by more. "
+        f"No pose distinguishes it from longer links. {A_LENGTH}"
+    )
+
+
+def hint_sentence(hint: ParameterHint) -> str:
+    """A pattern in the estimates, as a question."""
+    match hint.kind:
+        case HintKind.SCALED_LENGTHS:
+            share, error = hint.numbers
+            size = f"{quantity(abs(share) * 100, error * 100)} % {'longer' if share > 0 else 'shorter'}"
+            return f"all lengths are {size} than drawn, by the same share: the tracker's scale?"
+        case HintKind.TURNED_FRAME:
+            angle = math.degrees(hint.numbers[0])
+            return f"the base's offsets look like a frame turned by {angle:.2f}° about the tracker's origin"
+        case HintKind.FEW_LEVELS:
+            place, *effects = hint.names
+            what = f"{' and '.join(effects)} of {place_words(place)}"
+            return f"{what} rest on {hint.numbers[0]:g} levels of the joint: at others it may err differently"
+
+
+def shifted_sentence(rows: ShiftedRows) -> str:
+    """Rows that carry the position of a neighbour."""
+    neighbour = f"each has the position of the row {NEIGHBOURS[rows.shift]} it"
+    return f"poses {rows.first} to {rows.last} look shifted by one row: {neighbour}"
+
+
+def arrows_caption(scale: ArrowScale) -> str:
+    """Caption of a picture of the errors."""
+    enlarged = f"{scale.magnification:g} times enlarged, colours to {scale.largest * 1e3:g} mm"
+    return f"Dots: measured positions of the tip. Arrows: measured minus predicted, {enlarged}, alike in all steps."

@@ -1,0 +1,151 @@
+"""Every kind of a value has words, and these are its own: the one place where a test compares sentences."""
+
+from __future__ import annotations
+
+import pytest
+
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.symbolic_regression.proposal import NoLaw
+from lrm_ident.report.text.poses import limitation_sentence
+from lrm_ident.report.text.reasons import NO_LAW, reason_words
+from lrm_ident.report.text.residuals import hint_sentence, scale_sentence
+from lrm_ident.residual.covariates import ExplanatoryVariable
+from lrm_ident.residual.data_audit import Limitation, LimitationKind
+from lrm_ident.residual.free_functions import FreeFunction
+from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
+from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
+from lrm_ident.study.notices import Notice, NoticeKind
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.model.covariance import ImplausibleEstimate
+
+FUNCTION = FreeFunction(2, (ExplanatoryVariable("angle", 0),), ())
+ABSURD = ImplausibleEstimate("a.b.c_mm", 5.0, 1.0, "mm")
+REASONS = {
+    ReasonKind.IMPLAUSIBLE: (
+        Reason(ReasonKind.IMPLAUSIBLE, (-0.5,), ("k_rad",)),
+        "k_rad would have to be -0.5, against",
+    ),
+    ReasonKind.LITTLE: (Reason(ReasonKind.LITTLE, (9e-4, 1e-3)), "it would leave 0.90 of 1.00 mm held out"),
+    ReasonKind.RESEMBLES: (
+        Reason(ReasonKind.RESEMBLES, subject=FUNCTION),
+        "it only resembles a free function of the angle of joint 1 at joint 3, which explains far more",
+    ),
+    ReasonKind.REFUSED: (
+        Reason(ReasonKind.REFUSED, (2e-3,), because=Reason(ReasonKind.CHANCE)),
+        "alone it would leave 2.00 mm, but that may be chance",
+    ),
+    ReasonKind.ABSURD: (Reason(ReasonKind.ABSURD, subject=ABSURD), f"refitted, {ABSURD.sentence}"),
+    ReasonKind.NOT_REFITTED: (Reason(ReasonKind.NOT_REFITTED, said="X"), "it could not be refitted: X"),
+    ReasonKind.NOT_BETTER: (
+        Reason(ReasonKind.NOT_BETTER, (2e-3, 1e-3)),
+        "refitted, it does not surely predict better: 2",
+    ),
+    ReasonKind.NOT_BETTER_LATER: (
+        Reason(ReasonKind.NOT_BETTER_LATER, (1e-3, 2e-3)),
+        "it fits this session, but from earlier poses it does not surely predict the later ones better: 1.00 mm as dep",
+    ),
+    ReasonKind.LESS_THAN_PROMISED: (
+        Reason(ReasonKind.LESS_THAN_PROMISED, names=("b@c",)),
+        "it saves far less than b@c promised, which its refit refused",
+    ),
+    ReasonKind.HARDLY_MOVES: (Reason(ReasonKind.HARDLY_MOVES, (1e-5,)), "a typical size moves the TCP by only 0.01 mm"),
+    ReasonKind.POSES: (Reason(ReasonKind.POSES, said="no joint reversed"), "no joint reversed"),
+}
+"""Of the kinds that have numbers, names or a subject; each with how its sentence begins."""
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ReasonKind if kind != ReasonKind.EXPLAINS])
+def test_every_kind_of_reason_has_its_sentence(kind: ReasonKind) -> None:
+    reason, begins = REASONS.get(kind, (Reason(kind), ""))
+    words = reason_words(reason)
+    assert words.startswith(begins)
+    others = [reason_words(REASONS.get(other, (Reason(other), ""))[0]) for other in ReasonKind if other not in
+              (kind, ReasonKind.EXPLAINS)]  # fmt: skip
+    assert words not in others
+
+
+def test_every_refusal_of_a_law_has_its_sentence() -> None:
+    assert NO_LAW.keys() == {*NoLaw}
+    assert len({*NO_LAW.values()}) == len(NoLaw)
+
+
+@pytest.mark.parametrize(
+    ("limitation", "words"),
+    [
+        (
+            Limitation(LimitationKind.FEW_ANGLES, (1, 2, 3), (2, 4)),
+            "few angles: 2 to 4 different ones at joints 1 to 3, ",
+        ),
+        (
+            Limitation(LimitationKind.FEW_ANGLES, (2,), (3, 3)),
+            "few angles: 3 different ones at joint 2, so their errors",
+        ),
+        (Limitation(LimitationKind.ORDER, (1,), (0.94,)), "order: follows joint 1 (correlation 0.94), as drift would"),
+        (Limitation(LimitationKind.NO_REVERSAL, (1, 4)), "no reversal: joints 1 and 4 came from one side, so friction"),
+        (
+            Limitation(LimitationKind.ONE_SIDED, (2, 3)),
+            "one-sided torque: gravity loads joints 2 and 3 to one side, so",
+        ),
+        (Limitation(LimitationKind.ONE_LOAD), "one load: stiffness, backlash and mass look alike"),
+    ],
+)
+def test_every_limitation_has_its_sentence(limitation: Limitation, words: str) -> None:
+    assert limitation_sentence(limitation).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("hint", "words"),
+    [
+        (ParameterHint(HintKind.SCALED_LENGTHS, (0.008, 1e-4)), "all lengths are 0.800 ± 0.010 % longer than drawn, "),
+        (
+            ParameterHint(HintKind.SCALED_LENGTHS, (-0.008, 1e-4)),
+            "all lengths are 0.800 ± 0.010 % shorter than drawn, ",
+        ),
+        (
+            ParameterHint(HintKind.TURNED_FRAME, (0.0174533,)),
+            "the base's offsets look like a frame turned by 1.00° about",
+        ),
+        (
+            ParameterHint(HintKind.FEW_LEVELS, (3,), ("joint2", "servo_gain", "eccentricity")),
+            "servo_gain and eccentricity of joint 2 rest on 3 levels of the joint: at others it may err differently",
+        ),
+    ],
+)
+def test_every_hint_has_its_sentence(hint: ParameterHint, words: str) -> None:
+    assert hint_sentence(hint).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("notice", "words"),
+    [
+        (Notice(NoticeKind.READ, said="columns not used: a"), "columns not used: a"),
+        (Notice(NoticeKind.AS_FITTED, ("huber",), (3, 7)), "as in the model's fit: loss huber; 2 poses left out: 3, 7"),
+        (
+            Notice(NoticeKind.OTHER_DATA, ("", "drift@base")),
+            "the file of these poses is not what the model was fitted to; ",
+        ),
+        (Notice(NoticeKind.OTHER_EFFECTS, ("own.py", "m.toml")), "own.py is not the file that m.toml was fitted with"),
+        (Notice(NoticeKind.OTHER_PRIOR, ("printed",)), "the model was fitted with the prior 'printed'; this goes on"),
+        (Notice(NoticeKind.FIELD_LEFT_OUT), "the residual field is left out here: it is no cause; add it again when"),
+        (Notice(NoticeKind.OUTLIERS, poses=(9,)), "outliers, left out: pose 9"),
+    ],
+)
+def test_every_notice_is_printed_in_words(notice: Notice, words: str) -> None:
+    assert str(notice).startswith(words)
+
+
+def test_a_scale_that_is_open_asks_for_a_known_length() -> None:
+    assert scale_sentence(None) == ""
+    for scale, begins in (
+        (ScaleUncertainty(), "taken as right"),
+        (ScaleUncertainty(2e-3, 1e-3), "known to ± 2 mm/m along"),
+    ):
+        assert scale_sentence(scale).startswith(begins)
+        assert scale_sentence(scale).endswith("measure some distances, too (distance_mm), with a string or a ball bar.")
+
+
+def test_the_names_in_a_claim_are_parameters_or_the_place() -> None:
+    (effect,) = effects_at(load_arm("lrm-lab"), "backlash@joint2")
+    assert effect.about.claimed - {"place"} <= {parameter.name for parameter in effect.parameters}
+    assert "place" in effect.about.claimed
