@@ -155,7 +155,7 @@ def test_same_numbers_everywhere(browser: Any, small: RunningWorkbench, part: Pa
     wait_for(page, RANKED)
     wait_for(page, "document.querySelector('.lrm-numbers').textContent.includes('Not testable')")
     unfold(page)
-    on_page = page.inner_text(".lrm-numbers")
+    on_page = page.inner_text(".lrm-told") + page.inner_text(".lrm-numbers")
     ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
     page.context.close()
     model = tmp_path / "model.toml"

@@ -38,6 +38,8 @@ BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-primary')].map
 }))"""
 """Where the advised button is."""
 
+COLOUR = "getComputedStyle(document.querySelector('#lrm-stale' + one)).color"
+
 
 def breaks_where_data_differ(page: Any) -> None:
     """Asserts that the waterfall joins no errors of different data, and says which step was fitted to others."""
@@ -69,6 +71,8 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
         idle(page, RANKED)
         data.write_text("".join(rows[:121]))
         page.wait_for_selector("#lrm-stale")
+        inks = page.evaluate(f"['', ' .q-btn'].map((one) => {COLOUR})")
+        assert len({*inks}) == 1, "the blue of a button has too little contrast on a notice in the dark"
         press(page, "auto")
         says(page, "body", "press Reload or Keep first")
         shot(page, "changed-on-disk.png")
