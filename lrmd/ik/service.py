@@ -266,13 +266,16 @@ class IkService:
         def ask(goal: Goal, at: IkService) -> IkAnswer:
             return at._permitting(request)._answer(goal, payload, near, method, rounding, motion)
 
-        yield from (self._reaching(goal, known, payload, ask) for goal in goals)
+        here = self._here(known, payload)
+        yield from (self._reaching(goal, here, known, payload, ask) for goal in goals)
 
     def _reaching(
-        self, goal: Goal, known: Known, payload: float, ask: Callable[[Goal, IkService], IkAnswer]
+        self, goal: Goal, here: IkService, known: Known, payload: float, ask: Callable[[Goal, IkService], IkAnswer]
     ) -> IkAnswer:
-        """The answer to one goal, with what follows the time or the moves as it is at arrival. Raises `LrmError`."""
-        here = self._here(known, payload)
+        """The answer to one goal, with what follows the time or the moves as it is at arrival. Raises `LrmError`.
+
+        `here`: the service of the arm where it stands now.
+        """
         answer = ask(goal, here)
         if here is self or answer.q_rad is None:
             return answer
@@ -480,7 +483,7 @@ class IkService:
         def ask(goal: Goal, at: IkService) -> IkAnswer:
             return at._permitting(request)._answer(goal, payload, request.from_rad, QUICKEST, Rounding.EACH)
 
-        answer = self._reaching(self._goal(0, request.goal), known, payload, ask)
+        answer = self._reaching(self._goal(0, request.goal), self._here(known, payload), known, payload, ask)
         if answer.verdict != "solved":
             raise RequestError(answer.verdict, answer.text)
         return answer.branches_rad
