@@ -159,9 +159,7 @@ def test_where_a_reply_is_lost_the_arm_holds(losing: LosingDaemon, rover: Rover,
 
 
 @pytest.mark.parametrize("tail", ["rpc/move", "rpc/skill", "rpc/arm"])
-def test_an_order_that_comes_after_its_sender_gave_up_is_refused(
-    losing: LosingDaemon, rover: Rover, tail: str
-) -> None:
+def test_an_order_that_comes_after_its_sender_gave_up_is_refused(losing: LosingDaemon, rover: Rover, tail: str) -> None:
     losing.lost, losing.delays = tail, True
     with pytest.raises(NoReply):
         ask(rover, tail)
