@@ -41,9 +41,9 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
 from lrm_math.motion.loads import reference_inertia
-from validation.encoder_checkup.teleoperation import FPS, Recording
+from validation.lerobot_dataset import FPS, Recording, encoder_readings
 from validation.motion.cases import FIRST, MotionCase, arm_of
-from validation.motion.world import STIFF_NM_PER_RAD, driven, encoder_readings, hand
+from validation.motion.world import STIFF_NM_PER_RAD, driven, hand
 
 STEP_S, ITERATIONS, MADE = 1.0 / FPS / 16.0, 8, 2
 """s of MuJoCo's step; iterations of its fit at most; episodes of 24 s of a recording, if no other number is given."""

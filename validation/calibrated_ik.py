@@ -18,6 +18,7 @@ from rich.table import Table
 from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.pulse_rounding import Rounding
@@ -87,7 +88,7 @@ def models() -> Iterator[tuple[str, Model]]:
     """The thesis's parameters on the rover's arm, a model fitted to the shipped example, and more effects in either."""
     thesis = load_model(TABLE_B2)
     arm = load_arm("lrm-lab")
-    drawn = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    drawn = nominal_model(arm)
     fitted = fit(replace(drawn, free=select_parameters(drawn, "option1")), load_measurements(EXAMPLE, arm)).model
     yield "rover, Table B.2", thesis
     yield "lab, fitted", fitted

@@ -11,12 +11,13 @@ import numpy as np
 
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 from validation import synthetic
 from validation.options import asked
 from validation.synthetic_measurements import NOISE, measured
@@ -66,19 +67,19 @@ class IntervalCoverage:
 
 def option_1(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """The thesis's 28 parameters by least squares, on arms that have these errors and no others."""
-    model = _nominal_model()
+    model = nominal_model(load_arm(ARM))
     return _coverage(replace(model, free=select_parameters(model, "option1")), seeds, poses, None)
 
 
 def all_with_prior(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """All 45 parameters with the prior that the arms were drawn from."""
-    model = _nominal_model()
+    model = nominal_model(load_arm(ARM))
     return _coverage(replace(model, free=model.keys), seeds, poses, _prior(model))
 
 
 def drift_of_unknown_time_constant(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """The size of a joint's drift, added to option 1, of which the time constant is found from the same data."""
-    nominal = _nominal_model()
+    nominal = nominal_model(load_arm(ARM))
     model = replace(nominal, free=select_parameters(nominal, "option1"))
     return IntervalCoverage((DRIFT,), np.array(list(_deviations_of_drift(model, seeds, poses))))
 
@@ -128,11 +129,6 @@ def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic
         base_compliance_rad_per_nm=soft["base"],
         joint_compliance_rad_per_nm=tuple(soft[f"joint{i + 1}"] for i in range(len(rig.links))),
     )
-
-
-def _nominal_model() -> Model:
-    arm = load_arm(ARM)
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
 def _prior(model: Model) -> Prior:

@@ -16,6 +16,7 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
 from lrm_ident.fitting.priors import load_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
@@ -24,7 +25,7 @@ from lrm_math.model.model import Model
 from validation import synthetic, two_loads
 from validation.options import asked
 from validation.synthetic_measurements import measured
-from validation.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
+from validation.thesis.thesis_options import cross_apply, option_named, residual_of, run_options
 from validation.thesis.thesis_results import NO_LOAD
 
 ARM, ARMS, FRESH = "lrm-lab", 12, 300

@@ -29,10 +29,13 @@ ELSEWHERE = {"lrm-lab": "lrm-rover", "so101": "two-joint", "ur5": "lrm-lab"}
 KINDS = (
     *("unit", "radians", "mirrored", "swapped", "turned", "frame", "sign", "order", "arm"),
     *("shuffled angles", "unsigned angles", "constant angles", "shuffled coordinate"),
+    *("parallelogram", "differential", "from the base", "Arduino", "pulses", "ratio"),
 )
 LENGTH_UNITS = {"metres": 1e-3, "inches": 1.0 / 25.4, "micrometres": 1e3}
 STIFFNESS = {"ur5": 3e-3}
 """Compliances of the arm over those of a printed one."""
+SERVOS, WITHIN_DEG = ("Arduino", "pulses"), 85.0
+"""Kinds whose numbers are a hobby servo's, and how far it turns from its middle."""
 MOVING = 4
 """Joints, from the base, that move every one of these arms' TCP by more than its errors."""
 ANGLE, LENGTH = np.radians(10.0), 0.020
@@ -61,11 +64,11 @@ class MisreadCase:
         return not said if not self.truth else any(self.truth in words for words in said)
 
 
-def random_arm_data(name: str, seed: int, poses: int = POSES) -> Measurements:
+def random_arm_data(name: str, seed: int, poses: int = POSES, limit_deg: float | None = None) -> Measurements:
     """Measurements of an arm with the errors of a printed one."""
     rig = synthetic.load_arm(shipped_arms()[name])
     truth = of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
-    return replace(measured(rig, truth, synthetic.random_poses(rig, poses, seed), seed), stated=AS_STATED)
+    return replace(measured(rig, truth, synthetic.random_poses(rig, poses, seed, limit_deg), seed), stated=AS_STATED)
 
 
 def healthy_data(name: str, seed: int) -> Measurements:
@@ -95,7 +98,7 @@ def misread(name: str, kind: str, seed: int) -> MisreadCase:
     rng, arm = np.random.default_rng([seed, KINDS.index(kind)]), load_arm(name)
     if kind == "arm":
         return _of_another_arm(name, seed)
-    data = random_arm_data(name, seed)
+    data = random_arm_data(name, seed, limit_deg=WITHIN_DEG if kind in SERVOS else None)
     changed = dict(_changes(data.poses.q, data.tcp, rng, name))[kind]
     truth, q, tcp = changed
     return MisreadCase(arm, replace(data, poses=replace(data.poses, q=q), tcp=tcp), truth)
@@ -137,6 +140,22 @@ def _changes(
     shuffled = tcp.copy()
     shuffled[:, axis] = rng.permutation(tcp[:, axis])
     yield "shuffled coordinate", (f"{'xyz'[axis]} does not belong", q, shuffled)
+    before = int(rng.integers(MOVING - 1))
+    after, motors = before + 1, q.copy()
+    motors[:, after] += q[:, before]
+    yield "parallelogram", (f"joint {after + 1} looks counted together with that of joint {before + 1}", motors, tcp)
+    motors = q.copy()
+    motors[:, [before, after]] = np.stack([q[:, before] - q[:, after], q[:, before] + q[:, after]], axis=1)
+    yield "differential", (f"joints {before + 1} and {after + 1} look like those of the two motors", motors, tcp)
+    absolute = q.copy()
+    absolute[:, 1:MOVING] = np.cumsum(q[:, 1:MOVING], axis=1)
+    yield "from the base", (f"joints 3 to {MOVING} look counted from the base", absolute, tcp)
+    turned = q * np.where(np.arange(q.shape[1]) == joint, -1.0, 1.0)
+    yield "Arduino", ("0 to 180", turned + np.pi / 2.0, tcp)
+    yield "pulses", ("pulses of hobby servos", np.radians(1500.0 + np.degrees(turned) / 0.09), tcp)
+    slow = q.copy()
+    slow[:, column] *= 1.5
+    yield "ratio", (f"joint {column + 1} looks to turn 0.667 times", slow, tcp)
 
 
 def _of_another_arm(name: str, seed: int) -> MisreadCase:

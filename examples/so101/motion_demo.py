@@ -21,7 +21,7 @@ from examples.demo.steps import DemoSteps, MotionFit, NamedEffect
 from lrm_ident.cli.common import show
 from lrm_ident.report.document import ResultTable, heading
 from lrm_ident.report.plain_names import plain_name
-from validation.encoder_checkup.teleoperation import write_dataset
+from validation.lerobot_dataset import write_dataset
 from validation.motion.cases import FIRST, LATER, MotionCase, arm_of
 from validation.motion.world import recorded
 

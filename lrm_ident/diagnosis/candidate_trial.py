@@ -28,7 +28,7 @@ from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.rolling_origin import (
     allows_rolling_origin,
     changes_too_late,
-    rolling_origin_squares,
+    rolling_origin_forecasts,
     same_forecasts,
 )
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_WALD_P, MIN_GAIN, ONE_DEVIATION, Z_THRESHOLD
@@ -62,9 +62,13 @@ class Refit:
         return error_stats(self.held_out)
 
     def predicts_no_worse(self, other: Refit) -> bool:
-        """Whether its held-out mean square is no larger than another's, in the session and as deployed."""
+        """Whether its held-out mean square in the session is no larger than another's."""
+        return bool(self.squares.mean() <= other.squares.mean())
+
+    def deploys_no_worse(self, other: Refit) -> bool:
+        """Whether its held-out mean square as deployed is no larger than another's."""
         deployed, others = ((deployed_residual(refit.blocks) ** 2).sum() for refit in (self, other))
-        return bool(self.squares.mean() <= other.squares.mean() and deployed <= others)
+        return bool(deployed <= others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,18 +199,25 @@ def _not_better_later(
     """RMS (m) of later poses predicted from those before them, without and with effects of a session whose forecasts
     are not surely better; None where they are, or cannot judge them.
 
-    Whether a state outlasts its session only later poses can tell. Other effects, and a change about when the last
-    forecast began or after, are judged by the cross-validation alone.
+    Whether a state outlasts its session only later poses can tell. A law that a rover follows is wrong where the later
+    poses are worse with it by more than one standard error, however well its state alone predicts them. Other effects,
+    and a change about when the last forecast began or after, are judged by the cross-validation alone.
     """
     lasting = [effect for effect in effects if of_a_session(effect) and effect.part is not ModelPart.MEASUREMENT]
     if not lasting or not allows_rolling_origin(data):
         return None
     if any(changes_too_late(effect, after.model, data) for effect in lasting):
         return None
-    without, with_it = rolling_origin_squares(before, data), rolling_origin_squares(after, data)
-    if same_forecasts(without, with_it) or paired_z(with_it, without) > Z_THRESHOLD:
+    without, with_it = rolling_origin_forecasts(before, data), rolling_origin_forecasts(after, data)
+    if paired_z(without.followed, with_it.followed) > ONE_DEVIATION:
+        return _rms(without.followed), _rms(with_it.followed)
+    if same_forecasts(without.best, with_it.best) or paired_z(with_it.best, without.best) > Z_THRESHOLD:
         return None
-    return float(np.sqrt(without.mean())), float(np.sqrt(with_it.mean()))
+    return _rms(without.best), _rms(with_it.best)
+
+
+def _rms(squares: Array) -> float:
+    return float(np.sqrt(squares.mean()))
 
 
 def objection_to_estimates(

@@ -26,6 +26,7 @@ from lrm_ident.residual.better_prediction import share_of_excess, takes_little
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN
 from lrm_math.arrays import Array
+from lrm_math.effects import ModelPart
 
 MOST_SPECIAL_CASES = 2
 """Special cases of an effect that are refitted: a bound on time."""
@@ -173,10 +174,15 @@ def _led_by_special_case(
     session and as deployed, and its trial.
 
     The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
+    Of two errors of the tracker the session decides: the points that it moved do not judge the arm without them.
     """
     for special in diagnosis.special_cases()[:MOST_SPECIAL_CASES]:
-        instead = refit_trial(diagnosis, special, blocks, tested)
-        if trial.refit and instead.refit and instead.refit.predicts_no_worse(trial.refit):
+        pair = (diagnosis.supported[0], special)
+        of_tracker = all(one.candidate.effect.part is ModelPart.MEASUREMENT for one in pair)
+        instead = refit_trial(diagnosis, special, blocks, special.name if of_tracker else tested)
+        if not trial.refit or not instead.refit or not instead.refit.predicts_no_worse(trial.refit):
+            continue
+        if of_tracker or instead.refit.deploys_no_worse(trial.refit):
             diagnosis, trial = diagnosis.led_by(special), instead
     return diagnosis, trial
 

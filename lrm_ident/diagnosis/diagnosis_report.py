@@ -32,7 +32,7 @@ NEXT_STEP: Mapping[Verdict, str] = {
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep, or noise larger than stated."
     ),
-    Verdict.NOTHING_MISSING: "Gives the model to lrmd; nothing moves yet. verify moves the arm.",
+    Verdict.NOTHING_MISSING: "Save the model and give it to the rover: lrm deploy MODEL.",
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
         "(noise_sd_mm), and diagnose again."
@@ -90,7 +90,7 @@ class DiagnosisReport(ShownInNotebook):
         share: of the held-out mean square above the noise that the first candidate takes away.
         patterns: of the residual, without a name. hints: patterns of the estimates, which are no effects.
         replicates: whether the first candidate is chosen in both halves of the data.
-        misspecified: causes of the model, and the first candidate, whose quantity moves the arm elsewhere, too.
+        misspecified: causes of the model, and the first candidate, whose quantity moves the arm otherwise, too.
         indistinguishable: of effects of the model (`effect@place`), those that the poses could not distinguish from
             them when they were added.
         beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.

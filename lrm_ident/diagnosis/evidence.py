@@ -18,7 +18,7 @@ class Evidence:
         share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
         describes: whether it only describes (`ConfirmedDiagnosis.describes`).
         replicates: whether it was chosen in both halves of the data.
-        misspecified: whether what it follows moves the arm elsewhere, too (`specification_test`).
+        misspecified: whether what it follows moves the arm otherwise, too (`specification_test`).
     """
 
     equivalent: tuple[str, ...] = ()

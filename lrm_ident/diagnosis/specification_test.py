@@ -1,29 +1,38 @@
-"""Specification test (Ramsey 1969) of an effect's place: does what it follows move the arm elsewhere, too?
+"""Specification test (Ramsey 1969) of an effect's place and amount: does what it follows move the arm otherwise, too?
 
-Then its place is not identified.
+Then its place, or its cause, is not identified.
 
 A cause that the catalogue lacks is imitated by an effect that follows the same quantity at another place: a bearing
 that nods by a coupling of the next joint, a cable that drags a joint by friction in the joint before it. What is not
 imitated still follows that quantity. So functions of it at every other slot of the chain are tried beside the effect,
 as a regression is tried with functions of its own terms, and judged as effects are.
+
+A zero of a joint that moves in time does so alike at all its angles. Where its amount follows the angle (a varying
+coefficient: Hastie & Tibshirani 1993), something else changes there: play that grows, a gear that wears. A few poses
+may show that, so its F test decides, with a share of the error at unseen poses.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import itertools
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.contradiction import followed_joint
+from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.diagnosis.screening.screen import linearised, rows_to_screen
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.better_prediction import predicts_better
+from lrm_ident.residual.better_prediction import falls_by_share, predicts_better
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE
+from lrm_math.arm.place_names import joint_number, joint_numbers
 from lrm_math.arrays import Array
+from lrm_math.effects import Effect
 from lrm_math.effects.targets import Kind
+from lrm_math.model.deployed_model import of_a_session
 from lrm_math.model.derivatives import respond
 from lrm_math.model.effect_binding import BoundEffect
 
@@ -35,7 +44,8 @@ TYPICAL_ANGLE, TYPICAL_SHIFT = 0.02, 1e-3  # rad, m
 def misspecified_effects(fitted: Fit, data: Measurements, names: Collection[str]) -> tuple[str, ...]:
     """Those of a model's effects (`effect@place`) whose quantity moves the arm at another slot, too.
 
-    Of effects that move one slot alone; others act at several places anyway, and are not tested.
+    So are passing zeros of a joint whose amount follows its angle. Of effects that move one slot alone; others act at
+    several places anyway, and are not tested.
     """
     effects = [one for one in fitted.model.binding.bound if one.effect.name in names]
     bound = [one for one in effects if one.kind is Kind.MOTION and len(one.slots) == 1]
@@ -52,20 +62,40 @@ def misspecified_effects(fitted: Fit, data: Measurements, names: Collection[str]
         moved = motions[slot].T[:, :, None] * followed[:, None, :] * sizes[slot]
         return weigh(moved.reshape(-1, followed.shape[1]))
 
-    def misspecified(one: BoundEffect) -> bool:
+    def tried(beside: LinearisedFit, sets: Mapping[int, Array]) -> Iterator[tuple[float, LinearEstimate]]:
+        """Functions (N, m) of each slot beside a fit: p value of their F test, of so many, and their estimate."""
+        sizes_of = [functions.shape[1] for functions in sets.values()]
+        found = beside.explain_each(beside.project_each(itertools.starmap(columns, sets.items()), sizes_of))
+        before, freedom = beside.baseline.in_sample, beside.degrees_of_freedom
+        for size, after in zip(sizes_of, found, strict=True):
+            yield f_test_p_value(before, after.in_sample, size, freedom) * len(sizes_of), after
+
+    def acts_elsewhere(one: BoundEffect) -> bool:
         """Whether functions of what it follows explain more at another slot, significantly and at unseen poses."""
         followed, own = _followed(one, part), one.slots[0]
         beside = linear.beside(linear.project(columns(own, followed)))
-        others = [slot for slot in range(len(motions)) if slot != own and motions[slot].any()]
-        tried = beside.project_each((columns(slot, followed) for slot in others), [followed.shape[1]] * len(others))
-        before, freedom = beside.baseline, beside.degrees_of_freedom
+        others = {slot: followed for slot in range(len(motions)) if slot != own and motions[slot].any()}
         return any(
-            f_test_p_value(before.in_sample, after.in_sample, followed.shape[1], freedom) * len(others) < SIGNIFICANCE
-            and predicts_better(after.held_out, before.held_out, MIN_GAIN)
-            for after in beside.explain_each(tried)
+            p_value < SIGNIFICANCE and predicts_better(after.held_out, beside.baseline.held_out, MIN_GAIN)
+            for p_value, after in tried(beside, others)
         )
 
-    return tuple(one.effect.name for one in bound if misspecified(one))
+    def follows_the_angle(one: BoundEffect) -> bool:
+        """Whether the amount of a joint's passing zero follows the joint's angle."""
+        if not _is_passing_zero(one.effect):
+            return False
+        followed, own = _followed(one, part), one.slots[0]
+        waves = _waves(part.equilibrium.poses.q[:, joint_number(one.effect.place)])
+        beside = linear.beside(linear.project(columns(own, np.hstack([followed, waves]))))
+        [(p_value, after)] = tried(beside, {own: followed * waves})
+        return p_value < SIGNIFICANCE and falls_by_share(after.held_out, beside.baseline.held_out, MIN_GAIN)
+
+    return tuple(one.effect.name for one in bound if acts_elsewhere(one) or follows_the_angle(one))
+
+
+def _is_passing_zero(effect: Effect) -> bool:
+    """Whether it is a zero of one joint that moves with the time or between sessions."""
+    return of_a_session(effect) and not effect.remembers and len(joint_numbers(effect.place)) == 1
 
 
 def _followed(one: BoundEffect, fitted: Fit) -> Array:
@@ -73,7 +103,12 @@ def _followed(one: BoundEffect, fitted: Fit) -> Array:
     poses, joint = fitted.equilibrium.poses, followed_joint(one.effect)
     if joint is not None:
         angle = poses.q[:, joint]
-        return np.stack([wave(count * angle) for count in HARMONICS for wave in (np.cos, np.sin)], axis=1)
+        return _waves(angle)
     [(_, amount)] = one.amounts(poses, fitted.equilibrium.tau)
     amounts = np.broadcast_to(amount, len(poses)).astype(float)
     return (amounts / max(float(np.abs(amounts).max()), np.finfo(float).tiny))[:, None]
+
+
+def _waves(angle: Array) -> Array:
+    """(N, m), harmonics of angles (N,), rad."""
+    return np.stack([wave(count * angle) for count in HARMONICS for wave in (np.cos, np.sin)], axis=1)

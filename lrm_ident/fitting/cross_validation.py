@@ -216,26 +216,29 @@ def _blocks(
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
         error = _at_rows(data, rows).position_error(equilibrium)
-        turn, deployed = part.turn_error(unseen), _deployed_residuals(part, equilibrium)
+        turn, deployed = part.turn_error(unseen), _deployed_residuals(part, equilibrium, unseen)
         blocks.append(HeldOutBlock(rows[~held], test, error[~held], error[held], weighted, turn, *deployed))
         progress(number + 1, len(splits))
     return tuple(blocks)
 
 
-def _deployed_residuals(part: Measurements, equilibrium: Equilibrium) -> tuple[Array | None, Array | None]:
+def _deployed_residuals(
+    part: Measurements, equilibrium: Equilibrium, unseen: Equilibrium
+) -> tuple[Array | None, Array | None]:
     """(n, 3), residual of a fold's fit as it is deployed, with the state that its session effects leave behind (m).
 
     The second: where neither the time since power-on is known nor what the arm did before. None: for a model without
-    such effects; as the first. `equilibrium`: at poses from the first measured to the last.
+    such effects; as the first. `equilibrium`: at poses from the first measured to the last. `unseen`: at the part's.
     """
     state = state_after_session(equilibrium)
     if state is None:
         return None, None
     model, poses = equilibrium.model.with_state(state), part.poses
-    deployed = part.position_error(solve_equilibrium(as_deployed_when_read(model, poses), poses))
+    near = unseen.slots
+    deployed = part.position_error(solve_equilibrium(as_deployed_when_read(model, poses), poses, near))
     if not (state.warming or state.memory):
         return deployed, None
-    return deployed, part.position_error(solve_equilibrium(as_deployed_when_read(model), poses))
+    return deployed, part.position_error(solve_equilibrium(as_deployed_when_read(model), poses, near))
 
 
 def _refitted(

@@ -82,13 +82,16 @@ def _processes(workers: int) -> Iterator[Executor]:
     """Processes of this machine, which end with this one; at once, whatever they do, if an exception ends the work."""
     others = set(multiprocessing.active_children())
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, initializer=end_with_parent) as executor:
-        try:
-            yield executor
-        except BaseException:
-            for worker in set(multiprocessing.active_children()) - others:
-                worker.kill()
-            raise
+    executor = ProcessPoolExecutor(workers, spawn, initializer=end_with_parent)
+    try:
+        yield executor
+    except BaseException:
+        # first the waiting tasks: a pool whose workers die while it holds cancelled ones never ends
+        executor.shutdown(wait=False, cancel_futures=True)
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.kill()
+        raise
+    executor.shutdown()
 
 
 def end_with_parent() -> None:

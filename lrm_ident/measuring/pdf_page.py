@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from lrm_math.errors import LrmError
 
@@ -35,8 +35,21 @@ def words_at(x: float, y: float, words: str) -> str:
     return f"BT /F 3.2 Tf {x:.4f} {y:.4f} Td ({escaped}) Tj ET"
 
 
-def pdf_file(objects: list[bytes]) -> bytes:
-    """A file of these objects, numbered from 1; the first is its catalog."""
+def pdf_file(width: float, height: float, drawing: Iterable[str], pictures: Sequence[bytes] = ()) -> bytes:
+    """A file of one page: operators that draw it, lengths in mm; `pictures`: their `/Picture1` and so on."""
+    scale = f"{POINTS_PER_MM:.6f} 0 0 {POINTS_PER_MM:.6f} 0 0 cm"
+    content = "\n".join([scale, *drawing]).encode("latin-1")
+    box = f"[0 0 {width * POINTS_PER_MM:.4f} {height * POINTS_PER_MM:.4f}]"
+    named = "".join(f"/Picture{number} {number + 5} 0 R " for number in range(1, len(pictures) + 1))
+    resources = f"<< /XObject << {named}>> /Font << /F 5 0 R >> >>"
+    objects = [
+        b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        f"<< /Type /Page /Parent 2 0 R /MediaBox {box} /Contents 4 0 R /Resources {resources} >>".encode(),
+        f"<< /Length {len(content)} >>\nstream\n".encode() + content + b"\nendstream",
+        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
+        *pictures,
+    ]
     out, places = b"%PDF-1.4\n", []
     for number, body in enumerate(objects, start=1):
         places.append(len(out))

@@ -156,8 +156,10 @@ class Document:
 
     @property
     def whole(self) -> list[Block]:
-        """The conclusion and the details."""
-        return [*self.blocks, *self.details]
+        """The conclusion and the details; a table of these stands for one with its title in the conclusion."""
+        longer = {block.title for block in self.details if isinstance(block, ResultTable)}
+        shown = [one for one in self.blocks if not (isinstance(one, ResultTable) and one.title in longer)]
+        return [*shown, *self.details]
 
     def printed(self, in_full: bool) -> list[Block]:
         """Blocks for a terminal: everything, or the conclusion and what `--all` would add to it."""

@@ -61,8 +61,7 @@ def rivals(card: StepCard) -> tuple[tuple[str, str], ...]:
     known, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
     why = dict.fromkeys(card.evidence.equivalent, "these poses cannot distinguish it")
     for name, left in known.items():
-        curve = "; a smooth curve (spline), with more parameters" if EffectRef.parse(name).id in free else ""
-        why[name] = f"alone it would have left {in_mm(left)} mm{curve}"
+        why[name] = f"{in_mm(left)} mm{', with more parameters' if EffectRef.parse(name).id in free else ''}"
     return tuple((name, words) for name, words in why.items() if name != card.name)[:RIVALS_KEPT]
 
 

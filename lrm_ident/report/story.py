@@ -172,7 +172,7 @@ def _alike(one: float | None, other: float | None) -> bool:
 def _counted(steps: Sequence[StoryStep]) -> str:
     """Steps by what they are, `1 identified cause + 2 empirical terms`; one identified cause by its name."""
     if [one.kind for one in steps] == ["identified cause"]:
-        return steps[0].title
+        return f"with {steps[0].title}:"
     counts = Counter(one.kind for one in steps)
     words = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()]
     return " + ".join(words)

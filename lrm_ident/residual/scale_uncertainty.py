@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.effects import EffectRef, ParameterRef
-from lrm_math.effects.tracker_errors import DepthScale, MeasurementFrame
+from lrm_math.effects.tracker_errors import FRAME_TYPICAL, DepthScale, MeasurementFrame
 
 HALF = 0.5
 """Share of its variance that the scale must owe to the lengths for a known length to decide it."""
@@ -35,8 +35,9 @@ class ScaleUncertainty:
         """What stays open, and what would decide it."""
         return (
             f"known to ± {1e3 * self.sd:.2g} mm/m along all axes together, ± {1e3 * self.at_tip:.2g} mm at the "
-            "deployed tip: no pose distinguishes it from longer links. A known length does: measure some "
-            "distances, too (distance_mm), with a string or a ball bar."
+            f"deployed tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may "
+            "err by more. No pose distinguishes it from longer links. A known length does: measure some distances, too "
+            "(distance_mm), with a string or a ball bar."
         )
 
 

@@ -11,9 +11,11 @@ from lrm_ident.workbench.html_report import plain_page
 CONTROLS = """<label>sorted and coloured by <select id="lrm-tag"></select></label>
 <span>a column is an arm, in all figures; click one to mark it</span>
 """
+MISSING = "Which effect is missing in which arm"
+NONE_MISSING = '<p id="lrm-effects">No arm has an effect beyond the plain model.</p>'
 FIGURES = {
     "Error of the tip, nominal and identified": '<div id="lrm-errors" class="lrm-figure medium"></div>',
-    "Which effect is missing in which arm": """<p class="lrm-soft">beside each name: in how many of the arms that could
+    MISSING: """<p class="lrm-soft">beside each name: in how many of the arms that could
 show it it was found, and how many of the kind have it by that count (95 % interval); hollow: one of several causes that
 this arm's data cannot distinguish</p>
 <div id="lrm-effects" class="lrm-figure"></div>""",
@@ -28,7 +30,8 @@ def fleet_page(found: FleetResult, name: str) -> str:
     """The page's text; `name`: of the manifest."""
     title, document, figures = f"Fleet: {name}", fleet_document(found), fleet_figures(found)
     blocks = document.blocks
-    return plain_page(title, _verdict(found), FIGURES, figures, document, blocks, SCRIPTS_OF_FLEET, CONTROLS)
+    panels = FIGURES if figures["effects"] else {**FIGURES, MISSING: NONE_MISSING}
+    return plain_page(title, _verdict(found), panels, figures, document, blocks, SCRIPTS_OF_FLEET, CONTROLS)
 
 
 def _verdict(found: FleetResult) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,7 @@ header { display: flex; flex-wrap: wrap; gap: 4px 16px; align-items: center; } h
 .medium { height: 380px; }
 @media (max-width: 500px) {
   header { flex-wrap: wrap; } header h1 { flex: 1; } header p { order: 1; flex-basis: 100%; font-size: 12px; }
+  header .lrm-controls:has(label) { order: 2; }
 }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper header p { margin: 3px 0; }
@@ -74,12 +76,7 @@ MAIN = """<div class="lrm-hero">
 {numbers}
 </div>"""
 MARKED = '<p class="lrm-soft" id="lrm-marked"></p>\n'
-START = """
-document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
-lrmTheme.follow(lrm.theme);
-lrm.show(lrmValues);
-lrmGlossary(document.querySelector(".lrm-numbers"));
-"""
+START = 'lrm.show(lrmValues);\nlrmGlossary(document.querySelector(".lrm-numbers"));'
 
 
 def standalone_page(
@@ -150,10 +147,10 @@ def html_report(found: ModelReport) -> str:
 def numbers_html(found: ModelReport) -> str:
     """All tables of a report, each section folded."""
     sections = {
-        "Details of the diagnosis": blocks_html(found.diagnosis.whole if found.diagnosis else ()),
+        "Details of the diagnosis": blocks_html(found.diagnosis.details if found.diagnosis else ()),
         "Details of the comparison": blocks_html(found.comparison.whole if found.comparison else ()),
-        "Steps": table_html(history_table(found.file)),
+        "Steps": table_html(replace(history_table(found.file), title="")),
         "Parameters": table_html(found.parameters),
-        "Where the model comes from": table_html(provenance_table(found.file)),
+        "Where the model comes from": table_html(replace(provenance_table(found.file), title="")),
     }
     return "".join(section_html(title, text) for title, text in sections.items())

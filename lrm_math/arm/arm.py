@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -146,6 +147,18 @@ class Arm:
         for capsule in self.shapes.capsules:
             if not 0 <= capsule.frame <= last:
                 raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {last}")
+
+    def __hash__(self) -> int:
+        """Computed once: effects and chains are looked up by their arm many times per fit."""
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(tuple(getattr(self, each.name) for each in fields(self)))
+
+    def __getstate__(self) -> dict[str, object]:
+        """The arm alone: hashes of texts differ between processes."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def __repr__(self) -> str:
         own = ", ".join(joint.name for joint in self.joints if joint.name)

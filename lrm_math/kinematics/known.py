@@ -54,9 +54,10 @@ class Known:
     def poses(self, arrival: Motion, payload: float = 0.0, seconds: float = 0.0) -> Poses:
         """The command at the end of a record, with a payload (kg): one pose, for any effect of a model.
 
-        `seconds`: that the way there takes; what follows the time since power-on is that of now.
+        `seconds`: that the way there takes. The time since power-on is that of arrival, temperatures are those of now.
         """
-        running, temperature, warmed = map(_one, (self.running, self.temperature, self.warmed))
+        arrived = None if self.running is None else self.running + seconds
+        running, temperature, warmed = map(_one, (arrived, self.temperature, self.warmed))
         history = None if self.remembered is None else self._history(self.remembered, arrival.q, payload, seconds)
         return Poses(
             arrival.q[None], np.array([payload]), arrival.side[None], friction=arrival.friction[None],

@@ -49,13 +49,11 @@ def linear_combination(p: Sequence[Number], basis: Sequence[tuple[Number, ...]],
     Args:
         p: the coefficients. basis: the functions f_i of each at each target, zero or (N,) over N poses, say.
     """
-    terms: list[list[tuple[Number, Number]]] = [[] for _ in range(targets)]
-    for value, functions in zip(p, basis, strict=True):
-        if not is_zero(value):
-            for own, function in zip(terms, functions, strict=True):
-                if not is_zero(function):
-                    own.append((value, function))
-    return tuple(map(_sum_of_products, terms))
+    acting = [(value, functions) for value, functions in zip(p, basis, strict=True) if not is_zero(value)]
+    return tuple(
+        _sum_of_products([(value, f[k]) for value, f in acting if f[k].__class__ is not float or f[k] != 0.0])
+        for k in range(targets)
+    )
 
 
 def _sum_of_products(terms: Sequence[tuple[Number, Number]]) -> Number:

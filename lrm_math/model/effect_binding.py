@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -20,7 +20,7 @@ from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.reversion_correction import ReversionCorrection
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
-from lrm_math.kinematics.chain import Chain, Number
+from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.scalar_or_array import linear_combination
 from lrm_math.kinematics.statics import WeightChange
@@ -30,7 +30,30 @@ LENGTHS = (f"{FRAME}{SCALE}",)
 """Targets of effects that scale all lengths."""
 
 
-class Bases(WeakKeyDictionary[Poses, Rows]):
+@dataclass(frozen=True, eq=False)
+class KnownBasis:
+    """An effect's basis at some poses, within the range of a fit."""
+
+    rows: Rows
+    within: MeasuredRange | None
+
+    @cached_property
+    def stacked(self) -> tuple[tuple[list[int], Array], ...] | None:
+        """Of each target the K parameters that move it, and their functions (K, N); None where some are numbers."""
+        columns = [[(i, f) for i, f in enumerate(column) if not is_zero(f)] for column in zip(*self.rows, strict=True)]
+        if not all(isinstance(f, np.ndarray) for column in columns for _, f in column):
+            return None
+        return tuple(([i for i, _ in column], np.array([f for _, f in column])) for column in columns)
+
+    def combined(self, p: Sequence[float]) -> Amounts:
+        """Σ p_i f_i for each target."""
+        if self.stacked is None:
+            return linear_combination(p, self.rows, len(self.rows[0]))
+        values = np.array(p)
+        return tuple([values[moved] @ functions if moved else 0.0 for moved, functions in self.stacked])
+
+
+class Bases(WeakKeyDictionary[Poses, KnownBasis]):
     """An effect's basis at poses, as long as these exist; it stays in its process."""
 
     def __reduce__(self) -> tuple[type[Bases], tuple[()]]:
@@ -78,7 +101,7 @@ class BoundEffect:
     def at(self, poses: Poses, own_loads: Amounts = ()) -> Amounts:
         """Amount added to each target, where the loads on the effect's own `load_slots` are `own_loads`."""
         if isinstance(self.effect, LinearEffect) and self.effect.keeps_basis and not self.loads:
-            return linear_combination(self.p, self._basis(poses, ()), len(self.effect.targets))
+            return self._known_basis(poses).combined(self.p)
         return amounts_within(self.effect, poses, own_loads, self.p, self.within)
 
     def by_parameters(self, poses: Poses, tau: Sequence[Number], chosen: Sequence[int]) -> Rows:
@@ -97,12 +120,18 @@ class BoundEffect:
         return by_angles(self.effect, poses, own_loads, self.p, self.within)
 
     def _basis(self, poses: Poses, tau: Sequence[Number]) -> Rows:
-        """The basis of a linear effect; where it follows from the poses alone, computed once for them."""
+        """The basis of a linear effect."""
         if self.loads:
             return by_parameters(self.effect, poses, self.own_loads(tau), self.p, self.within)
-        if poses not in self.bases:
-            self.bases[poses] = by_parameters(self.effect, poses, (), self.p, self.within)
-        return self.bases[poses]
+        return self._known_basis(poses).rows
+
+    def _known_basis(self, poses: Poses) -> KnownBasis:
+        """The basis of a linear effect that follows from the poses alone, computed once for them and the same range."""
+        known = self.bases.get(poses)
+        if known is None or known.within is not self.within:
+            known = KnownBasis(by_parameters(self.effect, poses, (), self.p, self.within), self.within)
+            self.bases[poses] = known
+        return known
 
     def own_loads(self, tau: Sequence[Number]) -> Amounts:
         """The loads that enter its amounts, from those on `Model.load_slots`."""

@@ -74,6 +74,11 @@ class ModelStructure:
 CACHED_PAYLOADS = 16
 
 
+@lru_cache(maxsize=16)  # the deployed models of all folds have one structure
+def _structure_of(arm: Arm, effects: tuple[Effect, ...]) -> ModelStructure:
+    return ModelStructure(arm, effects)
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """An arm with the effects that act on it.
@@ -102,7 +107,7 @@ class Model:
     @cached_property
     def structure(self) -> ModelStructure:
         """The part that does not depend on the parameters' values."""
-        return ModelStructure(self.arm, self.effects)
+        return _structure_of(self.arm, self.effects)
 
     @cached_property
     def chain(self) -> Chain:

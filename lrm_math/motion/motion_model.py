@@ -115,18 +115,18 @@ def effect_of(arm: Arm, name: str, catalogue: MotionCatalogue = MOTION_EFFECTS) 
     return known[kind](arm, place)
 
 
-def load_motion(path: Path, catalogue: MotionCatalogue = MOTION_EFFECTS) -> tuple[MotionFile, MotionModel]:
+def load_motion(path: Path) -> tuple[MotionFile, MotionModel]:
     """A motion model's file, as it stands and as a model. Raises `FileError`."""
     file = read_toml(path, MotionFile)
-    return file, motion_of(path, file, load_arm(file.arm), catalogue)
+    return file, motion_of(path, file, load_arm(file.arm))
 
 
-def motion_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue = MOTION_EFFECTS) -> MotionModel:
+def motion_of(path: Path, file: MotionFile, arm: Arm) -> MotionModel:
     """The model of a parsed file, of an arm. Raises `FileError`: no model, or one of another arm."""
     if file.arm_sha256 not in (None, arm_sha256(arm)):
         words = f"{arm.name} is not as it was when the model was fitted: {WHAT_COUNTS} differ"
         raise FileError(path, "arm", words, "fit it again: lrm-ident motion fit")
-    effects = _effects_of(path, file, arm, catalogue)
+    effects = _effects_of(path, file, arm)
     known = {key: p for effect in effects for key, p in zip(effect.keys, effect.parameters, strict=True)}
     for table, numbers in (("parameters", file.parameters), ("sigma", file.sigma)):
         for key in numbers:
@@ -147,15 +147,15 @@ def motion_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue
     return MotionModel(arm, effects, values, sigma)
 
 
-def _effects_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue) -> tuple[MotionEffect, ...]:
+def _effects_of(path: Path, file: MotionFile, arm: Arm) -> tuple[MotionEffect, ...]:
     """Each once, and those that every joint has among them. Raises `FileError`."""
     if twice := [name for name, count in Counter(file.effects).items() if count > 1]:
         raise FileError(path, "effects", f"{twice[0]} is named twice")
     try:
-        effects = tuple(effect_of(arm, name, catalogue) for name in file.effects)
+        effects = tuple(effect_of(arm, name) for name in file.effects)
     except UnknownName as error:
         raise FileError(path, "effects", str(error)) from None
-    for effect in MotionModel.nominal(arm, catalogue).effects:
+    for effect in MotionModel.nominal(arm).effects:
         if effect.name not in file.effects:
             raise FileError(path, "effects", f"{effect.name} is missing", "every joint has one")
     return effects

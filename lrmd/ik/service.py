@@ -60,7 +60,7 @@ CLOSE = 1e-7
 """m: tolerance of the tip by which an uncertain memory is judged."""
 UNKNOWN = Known()
 PASSES, ARRIVED = 4, 1e-5
-"""Of the iteration for the memory at arrival: its largest number, and the change of the commands that ends it (rad)."""
+"""Of the iteration for the state at arrival: its largest number, and the change of the commands that ends it (rad)."""
 CancellationCheck = Callable[[], None]
 """Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
@@ -262,24 +262,29 @@ class IkService:
         method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
         near, motion = _start(request.near_rad, known)
         payload, rounding = request.payload_kg or 0.0, Rounding(request.round)
-        service = self._here(known, payload)._permitting(request)
-        for goal in goals:
-            answer = service._answer(goal, payload, near, method, rounding, motion)
-            if known.remembered is not None and answer.q_rad is not None:
-                tool = service.solver.predicted(service._arriving(known, np.array(answer.q_rad), payload)).rotation
 
-                def ask(at: IkService, asked: Goal) -> IkAnswer:
-                    return at._permitting(request)._answer(asked, payload, near, method, rounding, motion)
+        def ask(goal: Goal, at: IkService) -> IkAnswer:
+            return at._permitting(request)._answer(goal, payload, near, method, rounding, motion)
 
-                held, free = (partial(ask, asked=each) for each in (pose(goal.position, tool), goal))
-                answer = self._at_arrival(answer, known, payload, held, free)
-            yield answer
+        yield from (self._reaching(goal, known, payload, ask) for goal in goals)
+
+    def _reaching(
+        self, goal: Goal, known: Known, payload: float, ask: Callable[[Goal, IkService], IkAnswer]
+    ) -> IkAnswer:
+        """The answer to one goal, with what follows the time or the moves as it is at arrival. Raises `LrmError`."""
+        here = self._here(known, payload)
+        answer = ask(goal, here)
+        if here is self or answer.q_rad is None:
+            return answer
+        tool = here.solver.predicted(here._arriving(known, np.array(answer.q_rad), payload)).rotation
+        held, free = (partial(ask, each) for each in (pose(goal.position, tool), goal))
+        return self._at_arrival(answer, known, payload, held, free)
 
     def _at_arrival(
         self, answer: IkAnswer, known: Known, payload: float, held: Callable[[IkService], IkAnswer],
         free: Callable[[IkService], IkAnswer],
     ) -> IkAnswer:  # fmt: skip
-        """The answer with the arm's memory at the end of its own way, by fixed-point iteration.
+        """The answer with the arm's warm-up and memory at the end of its own way, by fixed-point iteration.
 
         `held`: the question with the tool turned as in the first answer, which keeps the branch; `free`: without.
         """
@@ -375,7 +380,7 @@ class IkService:
         for number, q in enumerate(request.q_rad):
             arrival = self._arrival(request, number, known)
             now = self._arriving(known, arrival.q, payload, arrival)
-            f = (here if known.remembered is None else self.at(now)).solver.predicted(now)
+            f = (here if here is self else self.at(now)).solver.predicted(now)
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=self._with_memory(None if f.uncertainty is None else f.uncertainty.sd, known, now),
@@ -419,7 +424,7 @@ class IkService:
             return self._steadied(request, check_cancelled)
         if request.line:
             return self._line(request, check_cancelled, known)
-        goals = [request.to_rad] if request.to_rad is not None else self._permitting(request)._commands(request)
+        goals = [request.to_rad] if request.to_rad is not None else self._commands(request, known)
         guard = self._guard(request, np.array([request.from_rad, *goals]))
         planner = Planner(self.config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
@@ -467,11 +472,15 @@ class IkService:
         guard = CollisionGuard(self.feasibility.scene, self._bending, stability=stability_of(self.config, self.model))
         return guard.permitting(rules, poses, request.payload_kg or 0.0)
 
-    def _commands(self, request: PlanRequest) -> list[list[float]]:
+    def _commands(self, request: PlanRequest, known: Known) -> list[list[float]]:
         """Commands that reach the goal of a plan, nearest first. Raises `LrmError` if there are none."""
         assert request.goal is not None
-        goal, payload = self._goal(0, request.goal), request.payload_kg or 0.0
-        answer = self._answer(goal, payload, request.from_rad, QUICKEST, Rounding.EACH)
+        payload = request.payload_kg or 0.0
+
+        def ask(goal: Goal, at: IkService) -> IkAnswer:
+            return at._permitting(request)._answer(goal, payload, request.from_rad, QUICKEST, Rounding.EACH)
+
+        answer = self._reaching(self._goal(0, request.goal), known, payload, ask)
         if answer.verdict != "solved":
             raise RequestError(answer.verdict, answer.text)
         return answer.branches_rad

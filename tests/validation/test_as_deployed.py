@@ -31,6 +31,7 @@ def test_a_case_is_examined_written_and_reported(tmp_path: Path) -> None:
     known = read_cases(tmp_path / "out" / "found.json")
     assert known == {key: record}
     assert line_of(key, record).startswith(key)
+    assert record["after_recorded_mm"] == pytest.approx(record["after_mm"])  # nothing of it follows time or moves
     assert "session@joint3" in report(known, {})
     assert "then before" in report(known, known)
 

@@ -15,6 +15,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
 from lrm_ident.design.observability import identification_jacobian
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
@@ -32,7 +33,6 @@ from validation.thesis.thesis_options import (
     OptionStudy,
     cross_apply,
     identify,
-    nominal_model,
     option_named,
     residual_of,
     run_options,

@@ -9,6 +9,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from validation.synthetic import EndLoad, HiddenEffect
 from validation.synthetic.arm_description import Vector3
+from validation.synthetic.hidden_effect import BaseError
 
 CENTRE_M = np.array([0.0, 0.0, 0.25])
 REACH_M = 0.4
@@ -41,7 +42,7 @@ class DepthTracker(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class RockingFeet(HiddenEffect):
+class RockingFeet(BaseError):
     """A base on feet of unequal length: about an axis (unit vector in its frame) it tips to the side of the moment.
 
     tilt_rad: to either side; softness_nm: moment at which three quarters of it are reached.
@@ -51,10 +52,7 @@ class RockingFeet(HiddenEffect):
     tilt_rad: float
     softness_nm: float
 
-    def flexible_links(self) -> tuple[int, ...]:
-        return (0,)
-
-    def link_deflection(self, load: EndLoad) -> Array:
+    def turn(self, load: EndLoad) -> Array:
         axis = np.array(self.axis)
         turn = self.tilt_rad * np.tanh(load.moment_nm @ axis / self.softness_nm)
-        return np.hstack([turn[:, None] * axis, np.zeros((len(turn), 3))])
+        return np.asarray(turn[:, None] * axis)

@@ -9,12 +9,11 @@ import numpy as np
 
 from validation.as_deployed.catalogue import continued_schedule
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
-from validation.hidden_effects.case import Build, stable_seed
+from validation.hidden_effects.case import Build, no_effect, stable_seed
 from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG
 from validation.synthetic import (
     ArmDescription,
     GroundTruth,
-    HiddenEffect,
     base_displacement_to_deviations,
     load_arm,
     random_poses,
@@ -51,12 +50,7 @@ class Lean:
         return replace(arm, gravity_m_per_s2=(x, y, z))
 
 
-def nothing_else(_arm: ArmDescription, _seed: int) -> tuple[HiddenEffect, ...]:
-    """No other effect."""
-    return ()
-
-
-def leaning_recording(seed: int, lean: Lean | None = None, build: Build = nothing_else) -> WorldRecording:
+def leaning_recording(seed: int, lean: Lean | None = None, build: Build = no_effect) -> WorldRecording:
     """The world of a seed, or of another lean with its random arm; `build` makes what else is hidden."""
     lean = lean or Lean.of(seed)
     arm = lean.tilted(load_arm(ARM_FILE))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,10 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effect_of
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model import deployed_model
+from lrm_math.model.deployed_model import as_deployed_at
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
-from validation.as_deployed.recording import WorldRecording, in_shown_frame
+from validation.as_deployed.recording import WorldRecording, as_known_to_a_rover, in_shown_frame
 from validation.hidden_effects.data import NOISE_M
 
 NOISE_MM = 1e3 * NOISE_M * float(np.sqrt(3.0))
@@ -30,20 +29,15 @@ WORSE, WORSE_BEYOND = 1.05, 1.20
 Record = dict[str, Any]
 
 
-def deployed(model: Model) -> Model:
-    """The model that a rover uses; before there was a state that goes along, the part that lasts."""
-    take: Callable[[Model], Model] | None = getattr(deployed_model, "as_deployed", None)
-    take = take or getattr(deployed_model, "lasting_part")  # noqa: B009
-    return take(model)
-
-
 def examined(run: WorldRecording, floor: bool = False) -> Record:
     """Figures of a world. Raises nothing that a fit raises: `trouble` says it.
 
-    Keys, with WHEN = `before` (the plain fit), `after` (`auto`), `floor` (the plain fit that knows gravity):
+    Keys, with WHEN = `before` (the plain fit), `after` (`auto`), `floor` (the plain fit that knows gravity), each after
+    a restart, when nothing is known of before; `before_recorded`, `after_recorded`: by a daemon that was never off.
         WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise.
         WHEN_aligned_mm: RMS after the best rigid alignment of those poses. WHEN_unsettled: poses without equilibrium.
-        shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed.
+        shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed;
+            stated_restarted_WHEN_mm: where nothing is known of before.
         steps: see `steps_of`. verdict: of `auto` in the end. seconds: of this record.
     """
     began = time.perf_counter()
@@ -56,15 +50,18 @@ def examined(run: WorldRecording, floor: bool = False) -> Record:
 
 
 def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
-    data, fresh = run.load(folder)
+    data, recorded = run.load(folder)
+    fresh = as_known_to_a_rover(recorded)
     plain = Study.of(data).fit(loss=run.loss)
-    record: Record = _errors("before", deployed(plain.model), fresh, run.tips_m)
+    record: Record = _errors("before", plain.model, fresh, run.tips_m)
+    record |= _errors("before_recorded", plain.model, recorded, run.tips_m)
     if floor:
         known, _ = run.load(folder, run.arm_with_known_gravity(folder))
-        informed = deployed(Study.of(known).fit(loss=run.loss).model)
+        informed = Study.of(known).fit(loss=run.loss).model
         record |= _errors("floor", informed, fresh, run.tips_m)
     found, named = plain.auto()
-    record |= _errors("after", deployed(named.model), fresh, run.tips_m)
+    record |= _errors("after", named.model, fresh, run.tips_m)
+    record |= _errors("after_recorded", named.model, recorded, run.tips_m)
     return record | {
         **_stated("before", found.steps[0]),
         **_stated("after", found.steps[-1]),
@@ -74,8 +71,8 @@ def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
 
 
 def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
-    """Errors at fresh poses; `unsettled` counts those that the model has no equilibrium for."""
-    settled, rows = batch_equilibrium(model, fresh)
+    """Errors at fresh poses as deployed; `unsettled` counts those that the model has no equilibrium for."""
+    settled, rows = batch_equilibrium(as_deployed_at(model, fresh), fresh)
     tips = tips_m[rows]
     error = settled.tcp - tips
     aligned = in_shown_frame(settled.tcp, tips, settled.tcp) - tips
@@ -91,7 +88,11 @@ def _stated(when: str, step: Step) -> Record:
     """Held-out errors that the tool states, of measurements with their noise: in the session, and as deployed."""
     shown = {f"shown_{when}_mm": _short(1e3 * step.held_out_rms)}
     stated = None if step.held_out is None else step.held_out.deployed
-    return shown if stated is None else shown | {f"stated_{when}_mm": _short(1e3 * stated.now.rms)}
+    if stated is None:
+        return shown
+    restarted = stated.time_unknown or stated.now
+    known = {f"stated_{when}_mm": stated.now, f"stated_restarted_{when}_mm": restarted}
+    return shown | {name: _short(1e3 * error.rms) for name, error in known.items()}
 
 
 def steps_of(found: AutoRun) -> list[Record]:
@@ -117,25 +118,24 @@ def _short(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-def ratio(record: Record) -> float | None:
-    """Error after `auto` over that before; infinite where the model after has no equilibrium and that before has."""
-    if "after_mm" not in record:
+def ratio(record: Record, known: str = "") -> float | None:
+    """Error after `auto` over that before; infinite where the model after has no equilibrium and that before has.
+
+    `known`: "_recorded" for the errors of a daemon that was never off, else those after a restart.
+    """
+    before, after = f"before{known}", f"after{known}"
+    if f"{after}_mm" not in record:
         return None
-    if record.get("after_unsettled", 0) > record.get("before_unsettled", 0):
+    if record.get(f"{after}_unsettled", 0) > record.get(f"{before}_unsettled", 0):
         return float("inf")
-    return float(record["after_mm"] / record["before_mm"])
+    return float(record[f"{after}_mm"] / record[f"{before}_mm"])
 
 
 def stated_off(record: Record) -> float | None:
-    """Error that the tool states as deployed over that at fresh poses, with noise, less one; None: it states none."""
-    if "stated_after_mm" not in record or "after_mm" not in record:
-        return None
-    return float(record["stated_after_mm"] / np.hypot(record["after_mm"], NOISE_MM)) - 1.0
+    """Error that the tool states as deployed over that at fresh poses, with noise, less one; None: it states none.
 
-
-def ratio_with_noise(record: Record) -> float | None:
-    """The same of errors as a measurement with its noise would show them."""
-    if "after_mm" not in record:
-        return None
-    after, before = (np.hypot(record[f"{when}_mm"], NOISE_MM) for when in ("after", "before"))
-    return float(after / before)
+    The larger one of a daemon that was never off and of one after a restart, each beside what is stated for it.
+    """
+    pairs = (("stated_after_mm", "after_recorded_mm"), ("stated_restarted_after_mm", "after_mm"))
+    off = [record[said] / np.hypot(record[true], NOISE_MM) - 1.0 for said, true in pairs if {said, true} <= {*record}]
+    return float(max(off, key=abs)) if off else None

@@ -1,6 +1,7 @@
 """The real arm in nested folds: effects are chosen anew without each fold, which is predicted as shown and deployed.
 
-As shown, a held-out pose has its time, number and session; as deployed it has what a rover knows. The model as deployed
+As shown, a held-out pose has its time, number and session; as deployed it has what a rover knows after a restart, or,
+`recorded`, what a daemon knows that was never off. The model as deployed
 is of the other folds alone, the state that it carries included.
 """
 
@@ -18,9 +19,10 @@ from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds, random_
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
+from lrm_math.model.deployed_model import as_deployed_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from validation.as_deployed.outcome import Record, deployed
+from validation.as_deployed.outcome import Record
 from validation.as_deployed.recording import as_known_to_a_rover
 
 MEASUREMENTS = "measurements.csv"
@@ -42,22 +44,29 @@ def nested_record(folder: Path, parameters: str, folding: str, folds: int = FOLD
         run = run_auto(start, train)
         named.append(_errors(run.model, test))
         chosen.append([step.added for step in run.steps[1:]])
-    (before_shown, before), (after_shown, after) = (map(_rms_mm, zip(*of, strict=True)) for of in (plain, named))
+    (before_shown, before, before_recorded), (after_shown, after, after_recorded) = (
+        map(_rms_mm, zip(*of, strict=True)) for of in (plain, named)
+    )
     return {
         "hidden": "a real arm",
         "shown_before_mm": before_shown,
         "shown_after_mm": after_shown,
         "before_mm": before,
         "after_mm": after,
+        "before_recorded_mm": before_recorded,
+        "after_recorded_mm": after_recorded,
         "chosen": chosen,
     }
 
 
-def _errors(model: Model, test: Measurements) -> tuple[Array, Array]:
-    """(n, 3) of held-out poses, as shown and as deployed, m."""
+def _errors(model: Model, test: Measurements) -> tuple[Array, Array, Array]:
+    """(n, 3) of held-out poses, m: as shown, as deployed after a restart, and as deployed where it was never off."""
     shown = solve_equilibrium(model, test.poses).tcp
-    driven = solve_equilibrium(deployed(model), as_known_to_a_rover(test.poses)).tcp
-    return test.tcp - shown, test.tcp - driven
+    driven = [
+        solve_equilibrium(as_deployed_at(model, poses), poses).tcp
+        for poses in (as_known_to_a_rover(test.poses), test.poses)
+    ]
+    return test.tcp - shown, test.tcp - driven[0], test.tcp - driven[1]
 
 
 def _rms_mm(parts: tuple[Array, ...]) -> float:

@@ -47,7 +47,7 @@ class WorldRecording:
     loss: str = "squared"
 
     def load(self, folder: Path, arm_file: Path | None = None) -> tuple[Measurements, Poses]:
-        """The measurements as the tool reads them, and the fresh poses as a rover knows them: no time, no session."""
+        """The measurements as the tool reads them, and the fresh poses as a daemon knows them that was never off."""
         arm = load_tool_arm(arm_file or self.arm_file)
         rows = slice(0, self.measured)
         plan = self.whole.schedule
@@ -66,7 +66,7 @@ class WorldRecording:
             beside.write_text("".join(line for line in lines if "noise_sd_mm" not in line), encoding="utf-8")
         data = replace(load_measurements(paths[0], arm), arm_name=str(arm_file or self.arm_file))
         fresh = load_poses(paths[1], arm).take(np.arange(self.measured, len(self.whole.q_rad)))
-        return data, as_known_to_a_rover(fresh)
+        return data, fresh
 
     def arm_with_known_gravity(self, folder: Path) -> Path:
         """The arm file with the true gravity."""
@@ -77,7 +77,7 @@ class WorldRecording:
 
 
 def as_known_to_a_rover(poses: Poses) -> Poses:
-    """Poses with angles, loads and the moves that led to them: no time, number or session."""
+    """Poses as a rover knows them after a restart, with angles, loads and moves: no time, session or earlier poses."""
     return Poses(poses.q, poses.payload, poses.direction, friction=poses.friction)
 
 

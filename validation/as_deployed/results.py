@@ -12,7 +12,7 @@ import numpy as np
 
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
-from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise, stated_off
+from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, stated_off
 from validation.hidden_effects.tables import markdown_table
 
 SCHEMA = "as-deployed/1"
@@ -91,7 +91,7 @@ def _counts(cases: Cases, beside: Cases) -> str:
             if len(both) < len(keys):
                 rows.append((group, "now, of those then", *_count(cases, both)))
             rows.append((group, "then", *_count(beside, both)))
-    head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"with noise > {WORSE} ×")
+    head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"never off > {WORSE} ×")
     more = ("median ratio", "worst", "before × noise", "after × noise", "worst after", f"stated off by > {OFF:.0%}")
     return markdown_table((*head, *more), rows)
 
@@ -99,10 +99,10 @@ def _counts(cases: Cases, beside: Cases) -> str:
 def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
     ran = [cases[key] for key in keys if "trouble" not in cases[key]]
     ratios = np.array([ratio(one) for one in ran], dtype=float)
-    noisy = np.array([ratio_with_noise(one) for one in ran], dtype=float)
+    never_off = np.array([ratio(one, "_recorded") for one in ran], dtype=float)
     before, after = (np.array([one[f"{when}_mm"] for one in ran]) / NOISE_MM for when in ("before", "after"))
     yield from (str(len(keys)), str(len(keys) - len(ran)))
-    yield from (str(int(np.sum(of > by))) for of, by in ((ratios, WORSE), (ratios, WORSE_BEYOND), (noisy, WORSE)))
+    yield from (str(int(np.sum(of > by))) for of, by in ((ratios, WORSE), (ratios, WORSE_BEYOND), (never_off, WORSE)))
     if ran:
         figures = (np.median(ratios), ratios.max(), np.median(before), np.median(after), after.max())
         yield from (f"{value:.2f}" for value in figures)
@@ -119,6 +119,8 @@ def _table(cases: Cases, beside: Cases) -> str:
         "before × noise",
         "after × noise",
         "ratio",
+        "never off × noise",
+        "its ratio",
         "shown × noise",
         "stated × noise",
         "named",
@@ -129,13 +131,22 @@ def _table(cases: Cases, beside: Cases) -> str:
     for key, record in cases.items():
         then = _then(beside.get(key)) if beside else ()
         if "trouble" in record:
-            rows.append((key, record.get("hidden", ""), *("–",) * 6, record["trouble"].replace("|", "/"), *then))
+            rows.append((key, record.get("hidden", ""), *("–",) * 8, record["trouble"].replace("|", "/"), *then))
             continue
         floor = f" (floor {record['floor_mm'] / NOISE_MM:.2f})" if "floor_mm" in record else ""
         figures = [f"{record[name] / NOISE_MM:.2f}" for name in ("before_mm", "after_mm", "shown_after_mm")]
         figures[1] += floor
         stated = f"{record['stated_after_mm'] / NOISE_MM:.2f}" if "stated_after_mm" in record else "–"
-        own = (*figures[:2], f"{ratio(record):.2f}", figures[2], stated, steps_words(record), record["verdict"])
+        never_off = f"{record['after_recorded_mm'] / NOISE_MM:.2f}", f"{ratio(record, '_recorded'):.2f}"
+        own = (
+            *figures[:2],
+            f"{ratio(record):.2f}",
+            *never_off,
+            figures[2],
+            stated,
+            steps_words(record),
+            record["verdict"],
+        )
         rows.append((key, record["hidden"], *own, *then))
     return markdown_table((*head, *more), rows)
 

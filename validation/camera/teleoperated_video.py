@@ -15,7 +15,7 @@ import pyarrow.parquet as parquet
 from lrm_math.arrays import Array
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD
-from validation.encoder_checkup.teleoperation import COUNT_DEG, FLICKER_COUNTS, Recording, write_dataset
+from validation.lerobot_dataset import Recording, encoder_readings, write_dataset
 
 CAMERA = "observation.images.front"
 
@@ -48,9 +48,7 @@ def write_filmed(
             episode += [number] * len(shares)
             frame, before = frame + len(shares), stops[stop]
     action = np.array(rows)
-    flicker = rng.normal(scale=FLICKER_COUNTS, size=action.shape)
-    state = np.round(action / COUNT_DEG + flicker) * COUNT_DEG
-    made = Recording(action, state, np.array(t), np.array(episode))
+    made = Recording(action, encoder_readings(action, rng), np.array(t), np.array(episode))
     write_dataset(folder, made, version)
     _add_camera(folder, scene, how)
     pictures = [scene.photo(BOARD, pose, number) for number, pose in enumerate(boards)]

@@ -21,7 +21,7 @@ from validation.hidden_effects.causes import (
     stretched,
     warms,
 )
-from validation.synthetic import EntangledJoint, FastClock, WrongBody, WrongLoad
+from validation.synthetic import FastClock, FormulaJoint, WrongBody, WrongLoad
 
 NOTHING = nothing(NAMED)
 SINGLE = by_key(
@@ -72,8 +72,8 @@ DOUBLE, TRIPLE = (
     )
 )
 OUTSIDE = by_key(
-    hidden(NAMED, "sum-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.02), "sum")),
-    hidden(NAMED, "product-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.025), "product")),
-    hidden(NAMED, "beat-q3-q5", None, lambda by: EntangledJoint(2, (3, 5), by.size(0.015), "beat")),
+    hidden(NAMED, "sum-q1-q4", None, lambda by: FormulaJoint(3, by.size(0.02), "np.sin(q[1] + q[4])")),
+    hidden(NAMED, "product-q1-q4", None, lambda by: FormulaJoint(3, by.size(0.025), "np.sin(q[1]) * np.sin(q[4])")),
+    hidden(NAMED, "beat-q3-q5", None, lambda by: FormulaJoint(2, by.size(0.015), "np.sin(2.0 * q[3]) * np.cos(q[5])")),
 )
 CASES = by_key(NOTHING) | SINGLE | DOUBLE | TRIPLE | OUTSIDE

@@ -11,9 +11,9 @@ from validation.synthetic import (
     BaseWarmUp,
     CablePull,
     CoupledJoint,
-    CreepingJoint,
     DahlLoop,
     EccentricShaft,
+    FormulaJoint,
     FrictionLag,
     HardeningSpring,
     HardStop,
@@ -32,11 +32,10 @@ from validation.synthetic import (
     TiltingBearing,
     ToothRipple,
     TwoStageWarmUp,
-    UnequalPlay,
     WarmUp,
-    WeatherLag,
     WrongBody,
 )
+from validation.synthetic.hidden_memory import ViscoelasticJoint
 
 NONE = (0.0, 0.0, 0.0)
 
@@ -150,7 +149,8 @@ def unequal_play(part: str, joint: int, wide_deg: float) -> Case:
     """Backlash with a wide and a narrow side."""
 
     def make(by: RandomSizes) -> HiddenEffect:
-        return UnequalPlay(joint, by.size(wide_deg * DEG), by.size(0.25 * wide_deg * DEG), 0.03)
+        up, down = by.size(wide_deg * DEG), by.size(0.25 * wide_deg * DEG)
+        return FormulaJoint(joint, 1.0, f"np.where(tau > 0.0, {up}, {down}) * np.tanh(tau / 0.03)")
 
     return hidden(part, f"unequal-play{joint}", f"backlash@joint{joint}", make)
 
@@ -190,7 +190,7 @@ def dahl_loop(part: str, joint: int, degrees: float) -> Case:
 def creeps(part: str, joint: int, compliance: float) -> Case:
     """A joint that follows its torque with a memory of a minute."""
     right = f"creep@joint{joint}"
-    return hidden(part, f"creep{joint}", right, lambda by: CreepingJoint(joint, by.size(compliance), 60.0))
+    return hidden(part, f"creep{joint}", right, lambda by: ViscoelasticJoint(joint, by.size(compliance), (60.0,)))
 
 
 def stops(part: str, joint: int, side: int, at_deg: float) -> Case:
@@ -224,10 +224,13 @@ def warms_in_two_stages(part: str, joint: int, degrees: float) -> Case:
 
 
 def weather(part: str, joint: int, degrees: float) -> Case:
-    """A joint that follows the room's temperature."""
+    """A joint that follows the room's temperature, which swings in 90 minutes, with a first-order lag of 20."""
+    turn = 2.0 * math.pi / 5400.0
+    delay = math.atan(turn * 1200.0)
 
     def make(by: RandomSizes) -> HiddenEffect:
-        return WeatherLag(joint, by.sign() * by.size(degrees * DEG), 5400.0, 1200.0)
+        size = by.sign() * by.size(degrees * DEG) * math.cos(delay)
+        return FormulaJoint(joint, size, f"np.sin({turn} * time_s - {delay})")
 
     return hidden(part, f"weather{joint}", f"drift@joint{joint}", make)
 

@@ -22,11 +22,11 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.executors import ONE_THREAD
 from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 from validation.hidden_effects.case import (
     FAULTS,
     FAULTS_BLIND,
@@ -142,7 +142,7 @@ WAYS: dict[str, Callable[[Case, int, int, Path, Found], None]] = {
 
 def base_model(data: Measurements, arm: Arm) -> Model:
     """Offsets and compliances, fitted as far as the data determine them."""
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    model = nominal_model(arm)
     return fit_identifiable(model, data, model.keys).fit.model
 
 

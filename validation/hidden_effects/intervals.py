@@ -1,26 +1,15 @@
-"""Coverage of the confidence intervals of named effects: `python -m validation.hidden_effects.intervals` adds to each
-data set of the first catalogue the effects that are hidden in it, and counts the intervals that hold the truth."""
+"""Parameters of the tool that hidden effects make, and how far fitted ones are from them in standard errors."""
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections import defaultdict
 from collections.abc import Iterator
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-import lrm_ident as lrm
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
-from lrm_math.errors import LrmError
-from validation.hidden_effects.case import ARM_FILE, Case
-from validation.hidden_effects.cases import SINGLE
-from validation.hidden_effects.data import dataset
-from validation.options import asked
-from validation.synthetic import ArmDescription, Dataset, HiddenEffect, write
+from validation.synthetic import ArmDescription, Dataset, HiddenEffect
 from validation.synthetic.hidden_bodies import WrongBody, WrongLoad
 from validation.synthetic.hidden_joints import CoupledJoint, EccentricShaft, FastClock, OneSidedGain, SoftPlay
 from validation.synthetic.hidden_links import BaseRocking, BaseWarmUp, ViscoelasticBase
@@ -35,10 +24,6 @@ from validation.synthetic.hidden_memory import (
     WarmUp,
 )
 from validation.synthetic.hidden_tracker import SkewTracker
-
-TWO_SIDED_95 = 1.959964
-SPRINGS = ("joint2", "joint3", "joint4")
-"""Joints whose compliance every case tells."""
 
 
 def true_parameters(hidden: HiddenEffect, arm: ArmDescription, q: Array) -> dict[str, float]:
@@ -81,7 +66,7 @@ def true_parameters(hidden: HiddenEffect, arm: ArmDescription, q: Array) -> dict
             return {f"session.joint{joint}.step{i}_rad": step for i, step in enumerate(steps[1:], start=2)}
         case SkewTracker():
             return _stretch(np.eye(3) + hidden.measurement_error(np.eye(3) + hidden.centre_m).T)
-        case ViscoelasticJoint(joint, compliance) | PromptReading(joint, compliance):
+        case ViscoelasticJoint(joint, compliance, (_,)) | PromptReading(joint, compliance):
             return {f"creep.joint{joint}.k_rad_per_Nm": compliance}
         case ViscoelasticBase((about_x, about_y)):
             return {"creep.base.k_x_rad_per_Nm": about_x, "creep.base.k_y_rad_per_Nm": about_y}
@@ -118,54 +103,4 @@ def deviations(fit: Fit, made: Dataset) -> Iterator[tuple[str, float]]:
     for effect in made.truth.effects:
         for key, true in true_parameters(effect, made.arm, made.q_rad).items():
             if key in fit.model.free:
-                yield key, _z(fit, key, true)
-
-
-def _z(fit: Fit, key: str, true: float) -> float:
-    return (fit.model.value(key) - true) / float(fit.standard_error[fit.model.free.index(key)])
-
-
-def deviations_of(case: Case, seed: int, count: int, folder: Path) -> Iterator[tuple[str, str, float]]:
-    """Effect, key and z of each parameter within its bounds, of the hidden effects once added, and of springs."""
-    made = dataset(case, seed, count)
-    study = lrm.Study.of(lrm.load(write(folder / case.name, made, "coverage of intervals")[0], ARM_FILE)).fit()
-    for name in case.truth or ():
-        study = study.add(name)
-    fitted = study.taken.fit
-    for key, z in deviations(fitted, made):
-        if key not in fitted.at_bound:
-            yield key.split(".")[0], key, z
-    beside = f"springs beside {(case.truth or ('nothing',))[0].split('@')[0]}"
-    for joint in SPRINGS:
-        key = f"compliance.{joint}.k_rad_per_Nm"
-        if key in fitted.model.free and key not in fitted.at_bound:
-            yield beside, key, _z(fitted, key, made.truth.joint_compliance_rad_per_nm[int(joint[-1]) - 1])
-
-
-def main() -> None:
-    """Prints the share by effect."""
-    options = asked(__doc__, seeds=3, first=(0, "first seed"), poses=150, only=("", "cases whose name contains this"))
-    warnings.simplefilter("ignore")
-    found = defaultdict[str, list[float]](list)
-    for seed in range(options.first, options.first + options.seeds):
-        for case in SINGLE.values():
-            if options.only not in case.name:
-                continue
-            with TemporaryDirectory() as folder:
-                try:
-                    rows = list(deviations_of(case, seed, options.poses, Path(folder)))
-                except LrmError as error:
-                    print(f"{seed} {case.name}: {error}", flush=True)
-                    continue
-            print(f"{seed} {case.name}: " + " ".join(f"{key} {z:+.1f}" for _, key, z in rows), flush=True)
-            for effect, _, z in rows:
-                found[effect].append(z)
-    for effect, every in sorted(found.items()):
-        held = f"{(np.abs(every) < TWO_SIDED_95).sum()} of {len(every)} hold the truth"
-        print(f"{effect}: {held}; RMS of z {np.sqrt(np.mean(np.square(every))):.2f}")
-    everything = np.concatenate(list(found.values()))
-    print(f"all: {100 * np.mean(np.abs(everything) < TWO_SIDED_95):.1f} % of {len(everything)}")
-
-
-if __name__ == "__main__":
-    main()
+                yield key, (fit.model.value(key) - true) / float(fit.standard_error[fit.model.free.index(key)])

@@ -13,7 +13,6 @@ from validation.synthetic import HiddenEffect
 from validation.synthetic.hidden_links import ViscoelasticBase
 from validation.synthetic.hidden_memory import (
     HeatedServo,
-    ManyPaceJoint,
     PromptReading,
     SlippingHorn,
     ViscoelasticJoint,
@@ -46,7 +45,7 @@ def _world(
 
 def _creep(joint: int, constant_s: float, waits: Waits, late: float = 0.0, fresh: bool = False) -> Case:
     def make(by: RandomSizes) -> HiddenEffect:
-        return ViscoelasticJoint(joint, by.size(COMPLIANCE[joint]), constant_s, late, fresh)
+        return ViscoelasticJoint(joint, by.size(COMPLIANCE[joint]), (constant_s,), late, fresh)
 
     part = MEMORY_BLIND if late > 0.0 or fresh else MEMORY
     return _world(f"creep{joint} {constant_s:g} s", f"creep@joint{joint}", make, waits, part)
@@ -61,7 +60,7 @@ def _base(constant_s: float, waits: Waits, part: str = MEMORY) -> Case:
 
 def _paces(name: str, joint: int, size: float, constants_s: tuple[float, ...], waits: Waits, late: float) -> Case:
     def make(by: RandomSizes) -> HiddenEffect:
-        return ManyPaceJoint(joint, by.size(size), constants_s, late)
+        return ViscoelasticJoint(joint, by.size(size), constants_s, late)
 
     return _world(f"{name} {joint}", f"creep@joint{joint}", make, waits, MEMORY_BLIND)
 

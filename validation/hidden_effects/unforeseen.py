@@ -28,7 +28,7 @@ from validation.hidden_effects.case import (
     together,
 )
 from validation.hidden_effects.causes import bending, gain, lag, play, shaft, warms
-from validation.synthetic import HiddenEffect, JointSlip
+from validation.synthetic import FormulaJoint, HiddenEffect, JointSlip
 from validation.synthetic import hidden_joints as joints
 from validation.synthetic import hidden_links as links
 from validation.synthetic import hidden_memory as memory
@@ -52,7 +52,20 @@ def _on(arm: str, case: Case) -> Case:
 
 
 def _snag(by: RandomSizes) -> HiddenEffect:
-    return joints.CatchingCable(2, {3: 0.4, 4: -0.3}, 0.45, by.sign() * by.size(1.3 * DEG))
+    """A cable that catches where two other joints stand near some angles."""
+    near = "np.exp(-0.5 * ((q[3] - 0.4) ** 2 + (q[4] + 0.3) ** 2) / 0.45**2)"
+    return FormulaJoint(2, by.sign() * by.size(1.3 * DEG), near)
+
+
+def _dead_band(by: RandomSizes) -> HiddenEffect:
+    """A potentiometer without a reading between two angles: the servo runs on to their middle."""
+    half = by.size(9.0 * DEG)
+    return FormulaJoint(2, 1.0, f"np.where(np.abs(q[2] - 0.2) < {half}, 0.2 - q[2], 0.0)")
+
+
+def _shared_supply(by: RandomSizes) -> HiddenEffect:
+    """A servo that gives way more while another one draws current."""
+    return FormulaJoint(2, by.size(0.12), "tau * np.abs(torque[3])")
 
 
 def _slip(by: RandomSizes) -> HiddenEffect:
@@ -67,12 +80,12 @@ FIRST = (
         (SO101, "loose-base", BASE, lambda by: links.LooseBase(0, by.size(0.6 * DEG))),
         (LAB, "table", BASE, lambda by: links.StiffeningTable(0, by.size(0.01))),
         (SO101, "bouc-wen", "hysteresis@joint2", lambda by: memory.BoucWenFriction(2, by.size(0.9 * DEG), 15 * DEG)),
-        (SO101, "dead-band", None, lambda by: joints.DeadBand(2, 0.2, by.size(9.0 * DEG))),
+        (SO101, "dead-band", None, _dead_band),
         (LAB, "snag", None, _snag),
         (UR5, "snag", None, _snag),
         (LAB, "horn-slip", "change_point@joint2", _slip),
         (UR5, "horn-slip", "change_point@joint2", _slip),
-        (LAB, "shared-supply", None, lambda by: joints.SharedSupply(2, 3, by.size(0.12))),
+        (LAB, "shared-supply", None, _shared_supply),
     ),
     hidden(UNFORESEEN, "forgotten-load", None, lambda by: UnstatedPayload(by.size(0.06)), sessions=2),
     *_cases(
@@ -82,6 +95,11 @@ FIRST = (
     ),
     *(_on(arm, nothing(UNFORESEEN)) for arm in (LAB, SO101, UR5)),
 )
+
+
+def _capstan(by: RandomSizes) -> HiddenEffect:
+    """A string drive whose friction grows e-fold with the angle of wrap (Euler, Eytelwein)."""
+    return FormulaJoint(2, by.size(0.3 * DEG), "-side * np.exp(0.8 * q[2])")
 
 
 def _jaw(by: RandomSizes) -> HiddenEffect:
@@ -98,7 +116,7 @@ ALONE = _cases(
         "backlash@joint4 backlash@joint5",
         lambda by: joints.DifferentialPlay((4, 5), by.size(1.6 * DEG), 0.02),
     ),
-    (UR5, "capstan", "hysteresis@joint2", lambda by: memory.CapstanFriction(2, by.size(0.3 * DEG), 0.8)),
+    (UR5, "capstan", "hysteresis@joint2", _capstan),
     (LAB, "turntable", None, lambda by: links.WobblingTurntable(by.size(0.4 * DEG))),
     (LAB, "plates", "lateral_compliance@link2", lambda by: links.ShearingPlates(2, by.size(0.0007))),
     (LAB, "tube", None, lambda by: links.TelescopingTube(4, by.size(15.0 * MM))),
@@ -114,11 +132,29 @@ ALONE = _cases(
     (SO101, "ringing", None, lambda by: tracker.RingingTip(by.size(0.004), 7)),
     (SO101, "belt", "gear_ripple@joint2", lambda by: joints.BeltPolygon(2, 20, by.size(0.5 * DEG))),
 )
+
+
+def _oval(by: RandomSizes) -> HiddenEffect:
+    """A strain wave gear that is stiffer at two opposite angles than between."""
+    return FormulaJoint(2, by.size(0.02), "tau * np.cos(2.0 * q[2] + 0.7)")
+
+
+def _bowden(by: RandomSizes) -> HiddenEffect:
+    """A joint's Bowden cable over the joint before, which drags it along by the friction in its sheath."""
+    return FormulaJoint(3, by.size(0.6 * DEG), "-np.tanh(way[2] / 0.1)")
+
+
+def _stuck_bit(joint: int) -> Make:
+    """An encoder of which one bit is stuck at 0: half of all angles are read too small by it."""
+    bit = 360.0 * DEG / 512.0
+    return lambda _: FormulaJoint(joint, bit, f"np.floor(q[{joint}] / {bit}) % 2.0")
+
+
 FRESH_ALONE = _cases(
     FRESH,
     (UR5, "magnet", None, lambda by: joints.MagnetByTheArm((0.25, -0.2, 0.15), by.size(5.0), 0.1)),
     (SO101, "cyclic", None, lambda by: tracker.CyclicDistance(METER_M, 0.12, by.size(2.0 * MM))),
-    (LAB, "oval", "nonlinear_stiffness@joint2", lambda by: joints.OvalFlexspline(2, by.size(0.02), 0.7)),
+    (LAB, "oval", "nonlinear_stiffness@joint2", _oval),
     (LAB, "swelling", None, lambda by: links.SwellingLink(2, (by.size(4.0 * MM), 0.0, by.size(2.0 * MM)))),
     (SO101, "air-table", BASE, lambda by: links.LevellingTable(by.size(0.012), 0.3)),
     (
@@ -127,19 +163,14 @@ FRESH_ALONE = _cases(
         "nonlinear_stiffness@joint2 drift@joint2",
         lambda by: memory.SofteningByHeat(2, by.size(0.02), 500.0),
     ),
-    (
-        SO101,
-        "bowden",
-        "hysteresis@joint3 coupling@joint3<-joint2",
-        lambda by: memory.RoutedBowden(3, 2, by.size(0.6 * DEG)),
-    ),
+    (SO101, "bowden", "hysteresis@joint3 coupling@joint3<-joint2", _bowden),
     (
         UR5,
         "two-joint-spring",
         "cable_spring@joint2 cable_spring@joint3",
         lambda by: joints.TwoJointSpring((-0.05, -0.04), 0.17, 0.06, 0.12, by.size(15.0)),
     ),
-    (LAB, "stuck-bit", None, lambda _: joints.StuckBit(2, 360.0 * DEG / 512.0)),
+    (LAB, "stuck-bit", None, _stuck_bit(2)),
     (UR5, "pretravel", None, lambda by: tracker.ProbePretravel(by.size(2.0 * MM))),
 )
 
@@ -155,7 +186,7 @@ def _mixed(part: str, *pairs: tuple[str, Case, Case]) -> tuple[Case, ...]:
 
 
 _blind, _fresh = _of(ALONE), _of(FRESH_ALONE)
-STUCK3 = hidden(FRESH, "stuck-bit", None, lambda _: joints.StuckBit(3, 360.0 * DEG / 512.0))
+STUCK3 = hidden(FRESH, "stuck-bit", None, _stuck_bit(3))
 PLAY2, LAG3, GAIN2, SHAFT1 = play(2, 1.2, 0.04), lag(3, 1.2), gain(2, 1, 0.025), shaft(1, 0.015)
 BENDING2, WARMS2 = bending(2, 0.1, 6.0, 12.0), warms(2, 0.5)
 BLIND_CASES = (

@@ -15,7 +15,7 @@ from lrm_ident.measuring.motion.moves import moves_of
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import EffectRef
-from validation.encoder_checkup.teleoperation import Recording, write_dataset
+from validation.lerobot_dataset import Recording, write_dataset
 from validation.motion.cases import FIRST, LATER, MotionCase, arm_of, truth_of
 from validation.motion.world import TrueJoints, recorded
 from validation.options import asked

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
-from validation.encoder_checkup.teleoperation import COUNT_DEG, FLICKER_COUNTS, FPS, Recording
-from validation.synthetic import ArmDescription, GroundTruth, load_arm
+from validation.lerobot_dataset import FPS, Recording, encoder_readings
+from validation.synthetic import ArmDescription, GroundTruth
 from validation.synthetic.chain import TrueChain, forward_kinematics, zero_configuration
 from validation.synthetic.screws import Array
+from validation.teleoperation import described_so101
 
 JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
 STEP_S, LOADS_EVERY = 0.001, 10
@@ -194,10 +194,5 @@ def _loads(q: Array) -> tuple[Array, Array]:
 
 @cache
 def _described() -> tuple[ArmDescription, TrueChain]:
-    arm = load_arm(Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml")
+    arm = described_so101()
     return arm, zero_configuration(arm, GroundTruth.nominal(arm))
-
-
-def encoder_readings(degrees: Array, rng: np.random.Generator) -> Array:
-    counts = degrees / COUNT_DEG + rng.normal(scale=FLICKER_COUNTS, size=degrees.shape)
-    return np.asarray(np.round(counts) * COUNT_DEG)

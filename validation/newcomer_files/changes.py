@@ -28,13 +28,9 @@ Change = Callable[[NewcomerFiles, np.random.Generator], FileChange]
 
 
 def _scaled(files: NewcomerFiles, names: list[str], factor: float) -> NewcomerFiles:
-    places = {files.column(name) for name in names}
-    rows = [[f"{float(c) * factor:.9g}" if k in places else c for k, c in enumerate(row)] for row in files.rows]
-    return files.with_rows(rows)
-
-
-def _angles(files: NewcomerFiles) -> list[str]:
-    return [name for name in files.header if name.startswith("q") and name.endswith("_deg")]
+    for name in names:
+        files = files.with_column(name, lambda values: values * factor)
+    return files
 
 
 def _pick(rng: np.random.Generator, *values: str) -> str:
@@ -43,7 +39,7 @@ def _pick(rng: np.random.Generator, *values: str) -> str:
 
 def unit(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     """Columns, keys or the arm file in another unit."""
-    angles, factor = _angles(files), float(rng.choice([1e-3, 0.1, 1 / 25.4, 1e3]))
+    angles, factor = files.angles, float(rng.choice([1e-3, 0.1, 1 / 25.4, 1e3]))
     one, axis = _pick(rng, *angles), _pick(rng, *POSITION)
     kind = _pick(rng, "positions", "angles", "angle", "axis", "payload", "time", "noise", "lengths", "masses", "start")
     units = ("metre", "inch", "centimetre", "micrometre", "unit")
@@ -86,7 +82,7 @@ def scaled_arm(text: str, key: str, factor: float) -> str:
 
 def sign(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     """A column, or one cell of it, with the other sign."""
-    name = _pick(rng, *_angles(files), *POSITION)
+    name = _pick(rng, *files.angles, *POSITION)
     if rng.random() < 0.6:
         about = (name, f"joint {name[1:-4]}", "mirrored", "swapped", "turned", "axes", "counted the other way")
         return FileChange(f"-{name}", _scaled(files, [name], -1.0), about)
@@ -100,7 +96,7 @@ def order(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     """Two columns, two rows' positions, or all rows in another order."""
     kind, rows = _pick(rng, "joints", "axes", "rows", "positions", "columns"), [list(cells) for cells in files.rows]
     if kind in ("joints", "axes"):
-        names = rng.choice(_angles(files) if kind == "joints" else POSITION, 2, replace=False)
+        names = rng.choice(files.angles if kind == "joints" else POSITION, 2, replace=False)
         one, other = (files.column(str(name)) for name in names)
         for cells in rows:
             cells[one], cells[other] = cells[other], cells[one]

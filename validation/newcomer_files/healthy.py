@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from lrm_math.arm.arm_file import shipped_arms
+from lrm_math.arrays import Array
 from validation import synthetic
 from validation.misreadings import of_its_stiffness
 from validation.synthetic.files import write
@@ -45,6 +47,19 @@ class NewcomerFiles:
     def column(self, name: str) -> int:
         """The place of a column."""
         return self.header.index(name)
+
+    @property
+    def angles(self) -> list[str]:
+        """The names of the columns of joint angles."""
+        return [name for name in self.header if name.startswith("q") and name.endswith("_deg")]
+
+    def with_column(self, name: str, change: Callable[[Array], Array]) -> NewcomerFiles:
+        """The files with the numbers of one column changed."""
+        place, rows = self.column(name), [list(row) for row in self.rows]
+        values = change(np.array([float(row[place]) for row in rows]))
+        for row, value in zip(rows, values.tolist(), strict=True):
+            row[place] = f"{value:.9g}"
+        return self.with_rows(rows)
 
     def with_rows(self, rows: list[list[str]], header: list[str] | None = None) -> NewcomerFiles:
         """The files with other rows, and perhaps another header."""

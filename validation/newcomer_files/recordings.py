@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
+from validation.lerobot_dataset import Recording, write_dataset
 from validation.newcomer_files.outcome import ChangeOutcome, outcome_of, said_by
 
 ARMS = "so101", "so100", "lekiwi"
@@ -84,26 +84,14 @@ def changed(arm: Arm, poses: Array, rng: np.random.Generator) -> tuple[Array, Ar
 
 def write(folder: Path, commanded: Array, read: Array, names: list[str]) -> None:
     """A dataset of one episode that stops at each pose (R, n), deg, as commanded and as read."""
-    import pyarrow
-    from pyarrow import parquet
-
-    rows = [
-        {"action": [*q, 10.0], "observation.state": [*state, 10.0], "timestamp": n / FPS, "episode_index": 0}
-        for n, (q, state) in enumerate(zip(_frames(commanded), _frames(read), strict=True))
-    ]
-    columns = [*(f"{name}.pos" for name in names), "gripper.pos"]
-    (folder / "meta").mkdir(parents=True)
-    features = {key: {"dtype": "float32", "shape": [6], "names": columns} for key in ("action", "observation.state")}
-    info = {"codebase_version": "v3.0", "fps": FPS, "robot_type": "so101_follower", "features": features}
-    (folder / "meta" / "info.json").write_text(json.dumps(info), encoding="utf-8")
-    (folder / "data" / "chunk-000").mkdir(parents=True)
-    parquet.write_table(pyarrow.Table.from_pylist(rows), folder / "data" / "chunk-000" / "file-000.parquet")
+    action, state = _frames(commanded), _frames(read)
+    made = Recording(action, state, np.arange(len(action)) / FPS, np.zeros(len(action), dtype=int))
+    write_dataset(folder, made, "v3.0", [f"{name}.pos" for name in (*names, "gripper")], FPS)
 
 
-def _frames(poses: Array) -> list[list[float]]:
-    """Angles of every frame: a move to each pose (R, n), and a stop there."""
+def _frames(poses: Array) -> Array:
+    """(N, n), angles of every frame: a move to each pose (R, n), and a stop there."""
     each = int(FPS * (REST_S + MOVE_S))
     share = np.tile(np.minimum((np.arange(each) + 1.0) / (FPS * MOVE_S), 1.0), len(poses))[:, None]
     before = np.concatenate([poses[:1], poses[:-1]]).repeat(each, axis=0)
-    frames: list[list[float]] = (before + share * (np.repeat(poses, each, axis=0) - before)).tolist()
-    return frames
+    return np.asarray(before + share * (np.repeat(poses, each, axis=0) - before))

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -28,19 +27,6 @@ class SoftPlay(JointError):
 
     def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
         return 0.5 * self.width_rad * tau / np.hypot(tau, self.softness_nm)
-
-
-@dataclass(frozen=True)
-class UnequalPlay(JointError):
-    """Backlash whose two sides differ: up_rad under positive torque, down_rad under negative; tanh(tau / softness)."""
-
-    up_rad: float
-    down_rad: float
-    softness_nm: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        side = np.tanh(tau / self.softness_nm)
-        return np.where(side > 0.0, self.up_rad, self.down_rad) * side
 
 
 @dataclass(frozen=True)
@@ -73,17 +59,6 @@ class HardeningSpring(JointError):
 
 
 @dataclass(frozen=True)
-class OvalFlexspline(JointError):
-    """A strain wave gear that is stiffer at two opposite angles than between. Right: its nonlinear stiffness."""
-
-    compliance_rad_per_nm: float
-    phase_rad: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        return self.compliance_rad_per_nm * tau * np.cos(2.0 * q + self.phase_rad)
-
-
-@dataclass(frozen=True)
 class OneSidedGain(JointError):
     """Gain error of a servo on one side (+1 or -1) of zero only, with a hyperbolic corner at zero."""
 
@@ -110,28 +85,6 @@ class HardStop(JointError):
         beyond = self.side * (q - self.at_rad)
         past = 0.5 * (beyond + np.hypot(beyond, self.corner_rad))
         return -self.side * (1.0 - self.give) * past
-
-
-@dataclass(frozen=True)
-class DeadBand(JointError):
-    """A potentiometer without a reading between two angles: the servo runs on to their middle."""
-
-    middle_rad: float
-    half_rad: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        from_middle = q - self.middle_rad
-        return np.where(np.abs(from_middle) < self.half_rad, -from_middle, 0.0)
-
-
-@dataclass(frozen=True)
-class StuckBit(JointError):
-    """An encoder of which one bit is stuck at 0: half of all angles are read too small by it. No name says so."""
-
-    bit_rad: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        return self.bit_rad * (np.floor(q / self.bit_rad) % 2.0)
 
 
 @dataclass(frozen=True)
@@ -208,51 +161,12 @@ class CoupledJoint(JointError):
 
 
 @dataclass(frozen=True)
-class EntangledJoint(JointError):
-    """Interaction of two other joints' angles, which is in no catalogue.
-
-    form: "sum" for sin(q_a + q_b), "product" for sin(q_a) sin(q_b), "beat" for sin(2 q_a) cos(q_b).
-    """
-
-    by: tuple[int, int]
-    size_rad: float
-    form: Literal["sum", "product", "beat"]
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        a, b = (poses.q_rad[:, joint - 1] for joint in self.by)
-        shapes = {"sum": np.sin(a + b), "product": np.sin(a) * np.sin(b), "beat": np.sin(2.0 * a) * np.cos(b)}
-        return self.size_rad * shapes[self.form]
-
-
-@dataclass(frozen=True)
-class CatchingCable(JointError):
-    """A cable that catches where two other joints stand near some angles, and turns a joint by up to size_rad."""
-
-    where_rad: dict[int, float]
-    width_rad: float
-    size_rad: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        apart = sum((poses.q_rad[:, joint - 1] - angle) ** 2 for joint, angle in self.where_rad.items())
-        return np.asarray(self.size_rad * np.exp(-0.5 * apart / self.width_rad**2))
-
-
-@dataclass(frozen=True)
-class SharedSupply(HiddenEffect):
-    """A servo that gives way more while another one draws current: by the product of both torques' sizes."""
-
-    joint: int
-    other: int
-    rad_per_nm2: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        pulled = load.tau_nm[:, self.joint - 1] * np.abs(load.tau_nm[:, self.other - 1])
-        return at_joint(self.joint, self.rad_per_nm2 * pulled, load.tau_nm)
-
-
-@dataclass(frozen=True)
 class FormulaJoint(HiddenEffect):
-    """Any law: size_rad times a formula in numpy (np) of q and torque (by joint from 1), tau, load_kg, side, time_s."""
+    """Any law: size_rad times a formula in numpy (np).
+
+    Of q (rad) and torque (N·m) by joint from 1, of the joint's own tau, the side that it came from (side) and the way
+    of every joint to the pose (way, rad), of load_kg and time_s.
+    """
 
     joint: int
     size_rad: float
@@ -267,6 +181,7 @@ class FormulaJoint(HiddenEffect):
             "tau": load.tau_nm[:, at],
             "load_kg": poses.payload_kg,
             "side": poses.direction[:, at],
+            "way": dict(enumerate(np.diff(poses.q_rad, axis=0, prepend=0.0).T, start=1)),
             "time_s": poses.time_s,
         }
         values = np.asarray(eval(self.formula, known), dtype=float)

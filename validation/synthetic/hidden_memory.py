@@ -106,71 +106,19 @@ class StickSlip(JointError):
 
 
 @dataclass(frozen=True)
-class CapstanFriction(JointError):
-    """A string drive whose friction grows e-fold with the angle of wrap (Euler, Eytelwein). Right: its hysteresis."""
-
-    size_rad: float
-    friction: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        return -self.size_rad * self.direction(poses) * np.exp(self.friction * q)
-
-
-@dataclass(frozen=True)
-class RoutedBowden(JointError):
-    """A joint's Bowden cable over the joint before, which drags it along by the friction in its sheath.
-
-    Right: hysteresis of the cable's joint, or its coupling to the joint before.
-    """
-
-    over: int
-    size_rad: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        moves = np.diff(poses.q_rad[:, self.over - 1], prepend=0.0)
-        return -self.size_rad * np.tanh(moves / 0.1)
-
-
-@dataclass(frozen=True)
-class CreepingJoint(JointError):
-    """Creep (Kelvin-Voigt element in series): a part of the compliance follows the torque with a memory of constant_s.
-
-    The torque of a pose acts from one measurement to the next; before the first the joint has settled.
-    """
-
-    compliance_rad_per_nm: float
-    constant_s: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        kept, followed = np.exp(-np.diff(poses.time_s) / self.constant_s), tau.copy()
-        for row, share in enumerate(kept, start=1):
-            followed[row] = tau[row] + (followed[row - 1] - tau[row]) * share
-        return self.compliance_rad_per_nm * followed
-
-
-@dataclass(frozen=True)
 class ViscoelasticJoint(JointError):
-    """A dashpot beside a spring, behind the joint's own spring: see `yielded`."""
+    """Creep: dashpots beside springs, behind the joint's own spring, all of one compliance: see `yielded`.
 
-    compliance_rad_per_nm: float
-    constant_s: float
-    late: float = 0.0
-    fresh: bool = False
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        return self.compliance_rad_per_nm * yielded(tau, poses.time_s, self.constant_s, self.late, self.fresh)
-
-
-@dataclass(frozen=True)
-class ManyPaceJoint(JointError):
-    """Creep in equal parts with several time constants: polymers have a spectrum of them."""
+    constants_s: of each; polymers have a spectrum of them.
+    """
 
     compliance_rad_per_nm: float
     constants_s: tuple[float, ...]
     late: float = 0.0
+    fresh: bool = False
 
     def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        states = [yielded(tau, poses.time_s, constant, self.late, False) for constant in self.constants_s]
+        states = [yielded(tau, poses.time_s, constant, self.late, self.fresh) for constant in self.constants_s]
         return np.asarray(self.compliance_rad_per_nm * np.mean(states, axis=0))
 
 
@@ -226,20 +174,6 @@ class TwoStageWarmUp(JointError):
 
 
 @dataclass(frozen=True)
-class WeatherLag(JointError):
-    """A joint that follows the room's temperature with a first-order lag; the room swings with period_s."""
-
-    swing_rad: float
-    period_s: float
-    lag_s: float
-
-    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        turn = 2.0 * np.pi / self.period_s
-        delay = np.arctan(turn * self.lag_s)
-        return np.asarray(self.swing_rad * (np.cos(delay) * np.sin(turn * poses.time_s - delay)))
-
-
-@dataclass(frozen=True)
 class FanCycles(JointError):
     """A fan that goes on and off: a joint warms and cools by turns. Right: drift of the joint."""
 
@@ -276,9 +210,8 @@ class SofteningByHeat(JointError):
     settling_s: float
 
     def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
-        power, heat = rigid_torque(poses, self.joint) ** 2, np.zeros(len(tau))
-        for row, lasts in enumerate(np.diff(poses.time_s), start=1):
-            heat[row] = heat[row - 1] + (power[row - 1] - heat[row - 1]) * -np.expm1(-lasts / self.settling_s)
+        power = rigid_torque(poses, self.joint) ** 2
+        heat = yielded(power, poses.time_s, self.settling_s, late=1.0, fresh=True)
         return np.asarray(self.compliance_rad_per_nm * (heat / power.mean()) * tau)
 
 

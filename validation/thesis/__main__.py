@@ -1,12 +1,22 @@
-"""The thesis's commands: `python -m validation.thesis`."""
+"""The method of the thesis (Conenna 2024) on any data set: `python -m validation.thesis`."""
 
 from __future__ import annotations
 
-from lrm_ident.cli.app import run
-from validation.thesis import options_command, step_size_command
-from validation.thesis.application import app
+import typer
 
-__all__ = ["main", "options_command", "step_size_command"]
+from lrm_ident.cli.app import run
+from lrm_ident.cli.command import command_of
+from validation.thesis.options_command import options
+from validation.thesis.step_size_command import step_size
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="The method of the thesis (Conenna 2024) on any data set.",
+)
+for function in (options, step_size):
+    command_of(app)(function)
 
 
 def main() -> None:

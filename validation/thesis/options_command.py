@@ -14,14 +14,12 @@ from lrm_ident.cli.consoles import out
 from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import AS_NAMED, Reading
-from validation.thesis.application import command
 from validation.thesis.options_figures import draw_crossed, draw_method
 from validation.thesis.options_report import crossed_rows, method_blocks, options_document
 from validation.thesis.thesis_options import OPTIONS, POSES, cross_apply, option_named, run_options
 from validation.thesis.thesis_results import campaign_named
 
 
-@command
 def options(
     data: arg.DataFile,
     other: Annotated[

@@ -19,7 +19,6 @@ from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, figure_file
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.number_list import parse_numbers
-from validation.thesis.application import command
 from validation.thesis.finite_difference_study import MAX_RELATIVE_ERROR, StepSizeStudy, study_step_sizes
 
 if TYPE_CHECKING:
@@ -116,7 +115,6 @@ def _common_span(studies: Sequence[StepSizeStudy]) -> str:
 THESIS_ANGLES, STUDIED = "0,45,90", ("option1", "option2", "option3")
 
 
-@command
 def step_size(
     arm: arg.ArmArgument,
     model: arg.LinearizedAt = None,

@@ -14,14 +14,14 @@ from lrm_ident.design.detmax import exchange
 from lrm_ident.design.fisher_information import Rows
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import bounds_of, no_bounds, select_parameters
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, UnknownName
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 
 POSES = 50
 
@@ -141,11 +141,6 @@ def identify(model: Model, data: Measurements, option: ThesisOption, rows: Rows)
     limits = bounds_of(model, model.free) if option.physical else no_bounds(model.free)
     fitted = fit(model, data.take(rows), limits)
     return OptionResult(option, rows, fitted, residual_of(fitted.model, data))
-
-
-def nominal_model(arm: Arm) -> Model:
-    """The model with the effects `offsets` and `compliance` (levels 2 and 3), all parameters zero."""
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
 def residual_of(model: Model, data: Measurements) -> Array:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import UnknownName
 from lrm_math.model.model import Model, model_of
-from validation.thesis.thesis_options import nominal_model
 
 OPTION_NAMES = ("option1", "option2", "option3", "option4", "option5", "option1_2", "option3_2")
 NOMINAL = "nominal"

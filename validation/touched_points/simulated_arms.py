@@ -134,7 +134,7 @@ def cases(touches: int = TOUCHES) -> tuple[Cause, ...]:
         Cause(
             "alien: joint 2 errs by the sum of joints 1 and 3 (generator)",
             (),
-            of_generator(synthetic.EntangledJoint(2, (1, 3), 1.2 * DEG, "sum")),
+            of_generator(synthetic.FormulaJoint(2, 1.2 * DEG, "np.sin(q[1] + q[3])")),
         ),
         Cause(
             "play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})

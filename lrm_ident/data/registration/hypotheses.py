@@ -18,6 +18,10 @@ UNIT_NAMES = {"um": "micrometres", "mm": "millimetres", "cm": "centimetres", "in
 RIGHT_ANGLES = (90.0, -90.0, 180.0)
 COUNTS, MOST_DEG, MOST_SHARE = 4096, 720.0, 100.5
 """Of an encoder of 12 bits in a turn; what degrees and shares of a range are at most."""
+HALF_TURN, PULSES_US, DEG_PER_US = 180.0, (400.0, 2600.0), (180.0 / 2000.0, 270.0 / 2000.0, 120.0 / 1000.0)
+"""Of a hobby servo: its range as Arduino's `Servo.write` counts it (deg), its pulses, what they turn usual servos."""
+RATIOS = (0.5, 2.0 / 3.0, 1.5, 2.0)
+"""Of a joint's turn to the number for it: gears, and servos of 180 or 270 deg that are taken for the other."""
 SIMPLE, COMPOUND, FREE = 1.0, 1.5, 2.0
 """Complexity of one mistake, of one that touches several joints or the arm's file, and of a free frame."""
 
@@ -62,15 +66,20 @@ def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
     """Joint angles as read, in another unit, with other signs, in another order, from another zero.
 
     In another unit with other signs or in another order, too: who exports from a program has its conventions, not one.
+    As motors count that move two joints together.
     """
     yield read
     units = list(_other_units(read))
-    yield from units
-    yield from _servo_units(read, arm)
+    counted = list(_servo_units(read, arm))
+    yield from (*units, *counted)
     yield from _other_zeros(read, arm)
+    yield from _other_ratios(read)
+    yield from _coupled_joints(read)
     for unit in (read, *(other for other in units if other.reading.angle_unit != read.reading.angle_unit)):
         yield from other_signs(unit)
         yield from _other_orders(unit)
+    for servos in counted:
+        yield from other_signs(servos)
     for joint in range(read.q.shape[1]):
         for turn in RIGHT_ANGLES:
             words = f"the zero of joint {joint + 1} looks turned by {turn:g} deg"
@@ -100,6 +109,14 @@ def _servo_units(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
         words = "the joint angles look like counts of encoders"
         remedy = f"convert them: deg = (count - {COUNTS // 2}) * 360 / {COUNTS}"
         yield replace(read.also(words, COMPOUND, remedy), q=(numbers / COUNTS - 0.5) * FULL_TURN)
+    if numbers.min() >= 0.0 and HALF_TURN / 2.0 < numbers.max() <= HALF_TURN:
+        words = "the joint angles look counted from 0 to 180, as Arduino's Servo.write does"
+        yield replace(read.also(words, COMPOUND, "subtract 90 from each"), q=np.radians(numbers - 90.0))
+    if PULSES_US[0] <= numbers.min() and numbers.max() <= PULSES_US[1]:
+        words = "the joint angles look like pulses of hobby servos in microseconds"
+        for scale in DEG_PER_US:
+            remedy = f"convert them by what each servo turns: deg = (us - 1500) * {scale:.4g}, or its own table"
+            yield replace(read.also(words, COMPOUND, remedy), q=np.radians((numbers - 1500.0) * scale))
     if MOST_SHARE / 2.0 < np.abs(numbers).max() <= MOST_SHARE:
         half = np.array([0.5 * (joint.upper - joint.lower) for joint in arm.joints])
         words = "the joint angles look like LeRobot's -100 to 100 of each joint's range"
@@ -114,6 +131,47 @@ def _other_zeros(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
         for rule in conventions(arm):
             words = f"the joint angles look counted from {rule.words}"
             yield replace(read.also(words, COMPOUND, f"convert them: {rule.formula(arm)}"), q=rule.applied(read.q))
+
+
+def _other_ratios(read: Hypothesis) -> Iterator[Hypothesis]:
+    """One joint, or each, that turns by another ratio than its numbers."""
+    for ratio in RATIOS:
+        for joint in range(read.q.shape[1]):
+            words = f"joint {joint + 1} looks to turn {ratio:.3g} times as far as its angles say"
+            remedy = f"multiply the column of q{joint + 1} by {ratio:.3g} (a gear, a servo of another range?)"
+            yield read.also(words, COMPOUND, remedy).with_joint(joint, ratio * read.q[:, joint])
+        words = f"all joints look to turn {ratio:.3g} times as far as their angles say"
+        remedy = f"multiply all angles by {ratio:.3g} (servos of another range?)"
+        yield replace(read.also(words, COMPOUND, remedy), q=ratio * read.q)
+
+
+def _coupled_joints(read: Hypothesis) -> Iterator[Hypothesis]:
+    """Angles of motors or encoders that count several joints together: a parallelogram linkage, a differential.
+
+    A fit takes the joints as those of a serial arm afterwards: a torque bends each at its own spring.
+    """
+    n, serial = read.q.shape[1], "the fit takes the springs as those of a serial arm"
+    for first, joint in combinations(range(n), 2):
+        a, b, qa, qb = f"q{first + 1}", f"q{joint + 1}", read.q[:, first], read.q[:, joint]
+        words = f"the angle of joint {joint + 1} looks counted together with that of joint {first + 1}"
+        for told, angles in ((f"{b} - {a}", qb - qa), (f"{b} + {a}", qb + qa),
+                             (f"-{b} - {a}", -qb - qa), (f"-{b} + {a}", qa - qb)):  # fmt: skip
+            remedy = f"write {told} into the column of {b} (a parallelogram linkage?); {serial}"
+            yield read.also(words, FREE, remedy).with_joint(joint, angles)
+        words = f"the angles of joints {first + 1} and {joint + 1} look like those of the two motors of a differential"
+        both, apart = (f"({b} + {a}) / 2", 0.5 * (qb + qa)), (f"({b} - {a}) / 2", 0.5 * (qb - qa))
+        for one, other in ((both, apart), (apart, both)):
+            remedy = f"write {one[0]} into the column of {a}, {other[0]} into that of {b}; {serial}"
+            yield read.also(words, FREE, remedy).with_joint(first, one[1]).with_joint(joint, other[1])
+        if joint > first + 1:
+            words = (
+                f"the angles of joints {first + 2} to {joint + 1} look counted from the base, not from the link before"
+            )
+            remedy = f"subtract from each the angle of the joint before, as recorded; {serial}"
+            relative = read.also(words, FREE, remedy)
+            for k in range(first + 1, joint + 1):
+                relative = relative.with_joint(k, read.q[:, k] - read.q[:, k - 1])
+            yield relative
 
 
 def _one_joint(read: Hypothesis, joint: int, unit: str, factor: float) -> Hypothesis:

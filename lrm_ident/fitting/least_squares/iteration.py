@@ -94,9 +94,10 @@ class LevenbergMarquardt:
         before: NoiseUpdate | None = None
         estimated_at: Iterate | None = None
         damping, change, idle = FIRST_DAMPING, np.inf, 0
+        quadratic: QuadraticModel | None = None
         tolerance = PENALISED_TOLERANCE if self.smooth.penalties else POSTERIOR_TOLERANCE
         for steps in range(1, most_steps + 1):
-            quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
+            quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds, quadratic)
             iterate, damping = quadratic.step(damping)
             change = largest_change(quadratic.iterate, iterate)
             idle = idle + 1 if is_idle(quadratic, iterate) else 0

@@ -1,13 +1,19 @@
-"""Quadratic model of the objective about an iterate (Gauss–Newton), and the damped step to its bounded minimum."""
+"""Quadratic model of the objective about an iterate, and the damped step to its bounded minimum.
+
+Gauss–Newton neglects the curvature of the residuals. Where these stay large, as of an arm whose structure is not in the
+model, it converges slowly; that curvature is estimated from the change of the gradient (Dennis, Gay & Welsch 1981), by
+the symmetric rank-one update (Nocedal & Wright 2006, section 6.2).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.fitting.least_squares.block_qr import CompressedRows
+from lrm_ident.fitting.least_squares.block_qr import CompressedRows, NormalEquations
 from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, Objective
 from lrm_ident.fitting.least_squares.variable_projection import with_anchor_fitted
 from lrm_ident.fitting.parameter_sets import Bounds
@@ -18,16 +24,18 @@ MUCH_SHORTER = 0.75  # part of a step
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 MAX_DAMPING = 1e12
+NO_CURVATURE = 1e-8  # cosine of step and unexplained change of the gradient below which these tell no curvature
 
 
 @dataclass(frozen=True, eq=False)
 class QuadraticModel:
-    """Gauss–Newton model of the objective about an iterate.
+    """Model of the objective about an iterate.
 
     Attributes:
         bounds: of the scaled parameters.
         rows: the compressed Jacobian (R, P) and residual. descent: (P,), negative gradient, times scale².
         free: (P,), whether a parameter is off its bounds, or the descent leads off them.
+        neglected: (P, P), estimated curvature that Gauss–Newton neglects, times scale²; zero before the first step.
     """
 
     objective: Objective
@@ -37,19 +45,43 @@ class QuadraticModel:
     rows: CompressedRows
     descent: Array
     free: NDArray[np.bool_]
+    neglected: Array
 
     @staticmethod
-    def about(iterate: Iterate, objective: Objective, noise: NoiseScale, bounds: Bounds) -> QuadraticModel:
-        """The model about an iterate."""
+    def about(
+        iterate: Iterate, objective: Objective, noise: NoiseScale, bounds: Bounds, before: QuadraticModel | None = None
+    ) -> QuadraticModel:
+        """The model about an iterate; `before`: that from which a step led here."""
         rows = objective.linearise(iterate, noise)
         descent = objective.negative_gradient(iterate, rows.normal, noise)
         held = ((iterate.z <= bounds.lower) & (descent < 0)) | ((iterate.z >= bounds.upper) & (descent > 0))
-        return QuadraticModel(objective, bounds, iterate, noise, rows, descent, ~held)
+        neglected = np.zeros_like(rows.normal.gram) if before is None else before._neglected_at(iterate, rows.normal)
+        return QuadraticModel(objective, bounds, iterate, noise, rows, descent, ~held, neglected)
+
+    def _neglected_at(self, iterate: Iterate, there: NormalEquations) -> Array:
+        """The curvature that Gauss–Newton neglects, corrected by the change of the data's gradient to another iterate:
+        what the mean of both ends' Gauss–Newton Hessians does not explain."""
+        here, step = self.rows.normal, iterate.z - self.iterate.z
+        left = here.right - there.right - (0.5 * (here.gram + there.gram) + self.neglected) @ step
+        along = float(left @ step)
+        if abs(along) <= NO_CURVATURE * float(np.linalg.norm(left) * np.linalg.norm(step)):
+            return self.neglected
+        return np.asarray(self.neglected + np.outer(left, left) / along)
 
     @property
     def minimum(self) -> Array:
-        """(P,), scaled parameters at its minimum within the bounds."""
+        """(P,), scaled parameters within the bounds at the minimum of the Gauss–Newton model."""
         return self._minimum(self.objective.gauss_newton(self.rows.normal, self.noise))
+
+    @cached_property
+    def _hessian(self) -> Array:
+        """(P, P), with the curvature that Gauss–Newton neglects, as long as it has a minimum; times scale²."""
+        A = self.objective.gauss_newton(self.rows.normal, self.noise)
+        try:
+            np.linalg.cholesky((A + self.neglected)[np.ix_(self.free, self.free)])
+        except np.linalg.LinAlgError:
+            return A
+        return A + self.neglected
 
     def predicted_squares(self, z: Array) -> float:
         """Weighted sum of squared residuals at scaled parameters z (P,)."""
@@ -66,7 +98,7 @@ class QuadraticModel:
 
     def step(self, damping: float) -> tuple[Iterate, float]:
         """Levenberg–Marquardt step: an iterate with no larger objective (else the same one), and the next damping."""
-        A = self.objective.gauss_newton(self.rows.normal, self.noise)
+        A = self._hessian
         diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
         before = self.value(self.iterate)
         while damping < MAX_DAMPING:
@@ -77,8 +109,9 @@ class QuadraticModel:
             except NoEquilibrium:
                 damping *= 10.0
                 continue
-            if self.value(trial) <= before:
-                return self._shortened(trial), damping * 0.1
+            shortened = self._shortened(trial)
+            if self.value(shortened) <= before:
+                return shortened, damping * (0.1 if shortened is trial else 1.0)
             if (
                 np.abs(z - self.iterate.z).max() < STEP_TOLERANCE
                 or self.predicted_decrease(trial) < GAIN_TOLERANCE * before
@@ -108,7 +141,7 @@ class QuadraticModel:
 
     def _shortened(self, trial: Iterate) -> Iterate:
         """The trial, or, if lower, the minimum of a parabola along the step where that is much shorter (quadratic
-        interpolation, Nocedal & Wright 2006, section 3.5): Gauss–Newton neglects curvature, and may step too far."""
+        interpolation, Nocedal & Wright 2006, section 3.5): a step goes too far where the model lacks curvature."""
         change, slope = trial.z - self.iterate.z, self.predicted_decrease(trial)
         gain = self.value(self.iterate) - self.value(trial)
         if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):

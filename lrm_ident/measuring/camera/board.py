@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lrm_ident.measuring.camera.opencv import opencv
-from lrm_ident.measuring.pdf_page import MARGIN, POINTS_PER_MM, RULER, paper_size, pdf_file, ruler_of_100_mm, words_at
+from lrm_ident.measuring.pdf_page import MARGIN, RULER, paper_size, pdf_file, ruler_of_100_mm, words_at
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -115,7 +115,6 @@ def board_pdf(board: CharucoBoard, paper: str) -> bytes:
     if board_width > width - 2 * MARGIN or board_height > height - 60.0:
         need = f"{board_width:g} × {board_height:g} mm"
         raise LrmError(f"a board of {need} does not fit on {paper}; fewer or smaller squares (--columns, --square-mm)")
-    content = "\n".join(_drawing(board, width, height)).encode("latin-1")
     pixels = board.picture
     bits = zlib.compress(np.packbits(pixels > 127, axis=1).tobytes())
     rows, columns = pixels.shape
@@ -123,26 +122,14 @@ def board_pdf(board: CharucoBoard, paper: str) -> bytes:
         f"<< /Type /XObject /Subtype /Image /Width {columns} /Height {rows} /ColorSpace /DeviceGray "
         f"/BitsPerComponent 1 /Interpolate false /Filter /FlateDecode /Length {len(bits)} >>\nstream\n"
     ).encode() + bits + b"\nendstream"  # fmt: skip
-    box = f"[0 0 {width * POINTS_PER_MM:.4f} {height * POINTS_PER_MM:.4f}]"
-    resources = "<< /XObject << /Board 5 0 R >> /Font << /F 6 0 R >> >>"
-    return pdf_file(
-        [
-            b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
-            b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-            f"<< /Type /Page /Parent 2 0 R /MediaBox {box} /Contents 4 0 R /Resources {resources} >>".encode(),
-            f"<< /Length {len(content)} >>\nstream\n".encode() + content + b"\nendstream",
-            image,
-            b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
-        ]
-    )
+    return pdf_file(width, height, _drawing(board, width, height), [image])
 
 
 def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
     """Operators of the page; lengths in mm."""
     board_width, board_height = (1e3 * side for side in board.size)
     left, bottom = (width - board_width) / 2.0, height - MARGIN - 10.0 - board_height
-    yield f"{POINTS_PER_MM:.6f} 0 0 {POINTS_PER_MM:.6f} 0 0 cm"
-    yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Board Do Q"
+    yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Picture1 Do Q"
     size, marker = f"{board.columns} x {board.rows}", MARKER * board.square_mm
     words = f"ChArUco {size}, squares {board.square_mm:g} mm, markers {marker:g} mm, {board.dictionary}"
     yield words_at(left, bottom - 6.0, words)

@@ -115,10 +115,10 @@ def _explains(fit: JointFit, before: JointFit) -> bool:
     return fit.squares <= (1.0 - least) * before.squares
 
 
-def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[MotionEffect] = ()) -> JointFit:
-    """The fit without an effect, others in its place."""
+def without_effect(before: JointFit, effect: MotionEffect) -> JointFit:
+    """The fit without an effect."""
     kept = tuple(one for one in before.effects if one.name != effect.name)
-    return fit_joint((*kept, *instead), before.data, before.by_key)
+    return fit_joint(kept, before.data, before.by_key)
 
 
 def _candidate(before: JointFit, effect: MotionEffect, tried: int) -> MotionCandidate:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lrm_ident.measuring.pdf_page import MARGIN, POINTS_PER_MM, RULER, paper_size, pdf_file, ruler_of_100_mm, words_at
+from lrm_ident.measuring.pdf_page import MARGIN, RULER, paper_size, pdf_file, ruler_of_100_mm, words_at
 from lrm_ident.measuring.sockets.board import SocketBoard
 from lrm_math.errors import LrmError
 
@@ -17,24 +17,12 @@ def drill_plan(board: SocketBoard, paper: str) -> bytes:
     if board.length_mm > width - 4 * MARGIN or board.width_mm > height - 90.0:
         need = f"{board.length_mm:g} x {board.width_mm:g} mm"
         raise LrmError(f"sockets {need} apart do not fit on {paper}; choose a shorter --length-mm or --width-mm")
-    content = "\n".join(_drawing(board, width, height)).encode("latin-1")
-    box = f"[0 0 {width * POINTS_PER_MM:.4f} {height * POINTS_PER_MM:.4f}]"
-    return pdf_file(
-        [
-            b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
-            b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-            f"<< /Type /Page /Parent 2 0 R /MediaBox {box} /Contents 4 0 R "
-            "/Resources << /Font << /F 5 0 R >> >> >>".encode(),
-            f"<< /Length {len(content)} >>\nstream\n".encode() + content + b"\nendstream",
-            b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
-        ]
-    )
+    return pdf_file(width, height, _drawing(board, width, height))
 
 
 def _drawing(board: SocketBoard, width: float, height: float) -> Iterator[str]:
     """Operators of the page; lengths in mm."""
     left, bottom = (width - board.length_mm) / 2.0, height - 2 * MARGIN - board.width_mm
-    yield f"{POINTS_PER_MM:.6f} 0 0 {POINTS_PER_MM:.6f} 0 0 cm"
     yield "0.15 w"
     for name, (x, y, _) in board.points.items():
         at_x, at_y = left + x, bottom + y

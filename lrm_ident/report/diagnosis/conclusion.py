@@ -29,6 +29,7 @@ from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.effects.targets import FRAME_PLACE
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
+DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 FIRST = (
     "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
@@ -42,7 +43,7 @@ STOPGAP = "or, without new poses"
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
-ELSEWHERE = "what it follows also moves the arm elsewhere, so the cause may be another"
+OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
@@ -286,7 +287,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         if not report.replicates:
             return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
         if first.name in report.misspecified:
-            return f"only a candidate cause: {ELSEWHERE}.{rivals}"
+            return f"only a candidate cause: {OTHERWISE}.{rivals}"
         if explained <= 0.0:
             return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"
         return (
@@ -401,7 +402,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
 def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[NextStep]:
     """The next steps after a verdict without an effect to add."""
     if report.verdict == Verdict.NOTHING_MISSING:
-        yield NextStep(report.hint, f"lrm deploy {model}", VERIFY)
+        yield NextStep(DEPLOY, f"lrm deploy {model}", VERIFY)
         export = f"lrm-ident arm export {model} -o arm.urdf"
         yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
-SHOWN, ALSO = 8, ", acts elsewhere too"
+SHOWN, ALSO = 8, ", acts otherwise too"
 TRACKERS_SCALE = "tracker's scale"
 STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
@@ -245,10 +245,10 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     ]
     if ratios:
         candidates = enumerate_words(ratios, len(ratios))
-        or_elsewhere = ", or if it acts elsewhere," if ALSO in candidates else ""
+        or_otherwise = ", or if it acts otherwise," if ALSO in candidates else ""
         yield (
             f"Candidate causes: {candidates}. In brackets: the squared error that stays "
-            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_elsewhere} "
+            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_otherwise} "
             "another cause may stand behind it."
         )
     if terms := named("empirical term"):

@@ -59,7 +59,7 @@ def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
         right.bar_label(bars, fmt="%.2f", padding=3)
         right.axhline(1.0, color="black", linewidth=0.8)
         share = 100 * found.observability.O1 / found.o1_upper_bound
-        right.set(xlabel="index", ylabel="index over that of random poses", ylim=(0, 1.15 * max(gain)))
+        right.set(xlabel="observability index", ylabel="index over that of random poses", ylim=(0, 1.15 * max(gain)))
         right.set_title(f"Gain over random poses\n(O1: {share:.1f} % of its bound)")
         right.grid(axis="y")
         right.set_axisbelow(True)
@@ -105,7 +105,7 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAc
             height = NEVER if rival.detectable_size is None else rival.detectable_size
             bar = axes.bar(x, height, width, color=colour, hatch=hatch, edgecolor="white")
             if rival.detectable_size is not None:
-                axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=8)
+                axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=7)
             else:
                 axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
     sizes = [one.detectable_size for known in sets.values() for one in known.rivals if one.detectable_size is not None]

@@ -60,7 +60,7 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
             style: Any = {"color": colour, "hatch": hatch, "edgecolor": "white", "label": words}
             drawn = axes.barh([*bars], [a.held_out_rms * 1e3 for a in bars.values()], **style)
             labels = [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in bars.values()]
-            axes.bar_label(drawn, labels, padding=8)
+            axes.bar_label(drawn, labels, padding=8, bbox={"facecolor": "white", "linewidth": 0, "pad": 1})
     names = [f"{plain_name(a.scored.name)}\n{a.scored.name}" for a in shown]
     axes.set_yticks(range(len(shown)), names, fontsize=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms

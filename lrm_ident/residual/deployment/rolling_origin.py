@@ -6,6 +6,8 @@ A cross-validation interpolates in time. What goes on after a session is predict
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -43,11 +45,25 @@ def changes_too_late(effect: Effect, model: Model, data: Measurements) -> bool:
     return any(np.count_nonzero(np.array(number) > step) < FEWEST for step in steps)
 
 
-def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
-    """(M,), squared errors (m²) of the last quarter of the poses, predicted as deployed by fits to those before.
+@dataclass(frozen=True, eq=False)
+class Forecasts:
+    """Squared errors (M,), m², of later poses predicted as deployed by fits to those before.
 
-    A rover may know the time since power-on and what the arm did before, or not: the way that predicts better counts.
-    The tracker still errs as it did.
+    `followed`: where the rover knows the time since power-on and what the arm did before. `unknown`: where it does not.
+    """
+
+    followed: Array
+    unknown: Array
+
+    @property
+    def best(self) -> Array:
+        """Those of the way that predicts better."""
+        return min(self.followed, self.unknown, key=lambda squares: float(squares.mean()))
+
+
+@lru_cache(maxsize=2)  # a diagnosis compares every candidate of a session with the same fit
+def rolling_origin_forecasts(fitted: Fit, data: Measurements) -> Forecasts:
+    """Forecasts of the last quarter of the poses. The tracker still errs as it did.
 
     Raises `LrmError`: a fit does not converge.
     """
@@ -60,7 +76,7 @@ def rolling_origin_squares(fitted: Fit, data: Measurements) -> Array:
         followed = followed_effects(model, later.poses)
         known.append(_squares(as_deployed_with(model, [*followed, *trackers]), later))
         unknown.append(_squares(as_deployed_with(model, trackers), later))
-    return min(np.concatenate(known), np.concatenate(unknown), key=lambda squares: float(squares.mean()))
+    return Forecasts(np.concatenate(known), np.concatenate(unknown))
 
 
 def _edges(data: Measurements) -> list[int]:

@@ -36,7 +36,8 @@ class ArrowScale:
     @property
     def words(self) -> str:
         """Caption of the picture."""
-        return f"arrows × {self.magnification:g}, colours to {self.largest * 1e3:g} mm: the same for all steps"
+        enlarged = f"{self.magnification:g} times enlarged, colours to {self.largest * 1e3:g} mm"
+        return f"Dots: measured positions of the tip. Arrows: measured minus predicted, {enlarged}, alike in all steps."
 
 
 @dataclass(frozen=True, eq=False)

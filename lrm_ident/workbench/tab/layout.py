@@ -107,7 +107,11 @@ class WorkbenchPage:
                     ui.label("Menu")
                 with ui.element("div").classes("lrm-menu-list"):
                     for one in self._menu():
-                        self._button(one) if one else ui.element("hr")
+                        if one is None:
+                            ui.element("hr")
+                        else:
+                            with self._button(one):
+                                ui.label(one.hint)
 
     def _menu(self) -> Iterator[PageAction | None]:
         """All that may be done but what is advised; None: a line between."""
@@ -123,7 +127,7 @@ class WorkbenchPage:
         yield from step_commands(self.session)
         yield None
         yield PageAction("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
-        yield PageAction("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark")
+        yield PageAction("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), "the colours of this page")
 
     def _advised(self) -> tuple[str, PageAction]:
         """What the primary button does now, by its name: Add, as soon as an effect is chosen."""

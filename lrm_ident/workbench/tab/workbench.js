@@ -45,12 +45,9 @@
   }, true);
   window.lrmAnswered = () => asked("");
 
-  const paint = (theme) => {
-    lrm.theme(theme);
-    Quasar.Dark.set(theme === "dark");
-  };
-  window.lrmTurnDark = () => paint(lrmTheme());
-  lrmTheme.follow(paint);
+  window.lrmTurnDark = () => lrm.theme(lrmTheme());
+  new MutationObserver(() => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"))
+    .observe(document.documentElement, { attributeFilter: ["data-theme"] });
 
   // A stop of the tour: its panel is framed and in view below the head, and the card lies in the other half of the screen.
   window.lrmTour = (id) => {

@@ -25,11 +25,12 @@ from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.session_state import StateAfterSession
-from lrmd.config import Config, load_config
+from lrmd.config import SECOND, Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.ik.deployed_model import DeployedModel
+from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
-from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.ramp.shared_memory import FRICTION_ELEMENTS
 from tests.support.daemon.armed_daemon import ArmedDaemon
 from tests.support.daemon.in_memory_daemon import CONFIG
@@ -165,6 +166,34 @@ def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
     (kept,) = solve_equilibrium(as_deployed(of), poses_of([goal], direction=np.ones((1, 6)))).tcp
     np.testing.assert_allclose(tip(ik, goal, Known(), direction=[[1] * 6]), kept, rtol=0.0, atol=AGREE)
     assert np.linalg.norm(np.subtract(tip(ik, goal, Known(running=0.0), direction=[[1] * 6]), kept)) > 1e-5
+
+
+def test_rpc_ik_and_a_plan_reach_the_goal_with_the_warm_up_at_arrival() -> None:
+    """Not as the arm is when the answer is given: a long way takes seconds, in which a cold joint warms up."""
+    slow, start, running = load_config(CONFIG), np.zeros(6), 4.0
+    arm = slow.arm
+    effects = [e for name in ("offsets", "compliance", "drift@joint2") for e in effects_at(arm, name)]
+    law = {"drift.joint2.A_rad": 0.05, "drift.joint2.T_s": 20.0}
+    state = StateAfterSession({"drift@joint2": "last"}, {}, {"drift@joint2": 0.0})
+    of = model_of(arm, effects, law).with_state(state)
+    ik = IkService.of(slow, DeployedModel(of, None, "", "sha", ("drift",)))
+    known = Known(Motion.at(start), running, 30.0, 0.0)
+    (there,) = ik.forward(FkRequest(q_rad=[[0.6, 0.4, 0.3, 0.2, -0.3, 0.1]]), known)
+    goal = GoalEntry(position_m=there.tcp_m)
+    (answer,) = ik.inverse(IkRequest(goals=[goal]), known)
+    path = ik.plan(PlanRequest(from_rad=start.tolist(), goal=goal), lambda: None, known)
+    assert answer.q_rad is not None
+    assert not isinstance(path, NoPlan)
+    for q in (answer.q_rad, path[-1]):
+        pulses = [abs(s.pulse_ns(x) - s.pulse_ns(0.0)) for s, x in zip(slow.servos, q, strict=False)]
+        seconds = math.ceil(max(pulses) / slow.step) * slow.tick / SECOND
+        assert seconds > 1.0
+        drift, now = (0.05 * -np.expm1(-time / 20.0) for time in (running + seconds, running))
+        turned = np.array([q]) + np.eye(6)[1] * np.array([[drift], [now]])
+        tips = solve_equilibrium(model_of(arm, effects), poses_of(turned)).true_tcp
+        reached, at_once = np.linalg.norm(tips - there.tcp_m, axis=1)
+        assert reached < 2e-6
+        assert at_once > 1e-4
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@ from examples.so101.feetech_servo import LOAD, LOCK, MOVING, SIZE, STEP, STS3215
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
 from lrm_ident.measuring.servo_bus.kind import BROADCAST, Instruction, PacketReader
+from tests.ident.measuring.feetech.test_feetech_servos import SdkPort, line_of
 
 PACKETS = st.builds(FeetechPacket, st.integers(0, 253), st.integers(0, 0x83), st.binary(max_size=40))
 
@@ -188,32 +189,7 @@ def test_the_makers_sdk_speaks_with_it() -> None:
     """`scservo_sdk`, the library that LeRobot drives its arms with, over a port that is this bus."""
     scs = pytest.importorskip("scservo_sdk", reason="feetech-servo-sdk is not installed")
 
-    class Port:
-        """Port with as much of the SDK's `PortHandler` as its packets need."""
-
-        is_using = False
-
-        def __init__(self) -> None:
-            self.bus, self.waiting = bus_of(1, 2), b""
-
-        def clearPort(self) -> None:  # noqa: N802
-            self.waiting = b""
-
-        def writePort(self, packet: list[int]) -> int:  # noqa: N802
-            self.waiting += self.bus.feed(bytes(packet), 0.0)
-            return len(packet)
-
-        def readPort(self, length: int) -> list[int]:  # noqa: N802
-            out, self.waiting = self.waiting[:length], self.waiting[length:]
-            return list(out)
-
-        def setPacketTimeout(self, length: int) -> None:  # noqa: N802
-            pass
-
-        def isPacketTimeout(self) -> bool:  # noqa: N802
-            return not self.waiting
-
-    port, handler = Port(), scs.PacketHandler(0)
+    port, handler = SdkPort(line_of(1, 2)), scs.PacketHandler(0)
     assert handler.ping(port, 1) == (777, scs.COMM_SUCCESS, 0)
     assert handler.ping(port, 9)[1] == scs.COMM_RX_TIMEOUT
     assert handler.write2ByteTxRx(port, 2, table.MAX_TORQUE.address, 500) == (scs.COMM_SUCCESS, 0)

@@ -126,9 +126,8 @@ def moved(by: Callable[[Array], Array]) -> Callable[[Path], Path]:
     """A LeRobot dataset of an SO-101 whose angles (deg) are changed."""
 
     def spoil(folder: Path) -> Path:
-        arm = load_arm("so101")
         poses = by(np.random.default_rng(1).uniform(-60.0, 60.0, (14, 5)))
-        return dataset(folder / "recorded", arm, poses, np.zeros_like(poses))
+        return dataset(folder / "recorded", poses, np.zeros_like(poses))
 
     return spoil
 

@@ -138,7 +138,7 @@ def a_bad_cell(folder: Path) -> Words:
 
 def a_dataset(folder: Path) -> Words:
     poses = np.random.default_rng(1).uniform(-60.0, 60.0, (12, 5))
-    return fit(dataset(folder / "recorded", load_arm("so101"), poses, np.zeros_like(poses)))
+    return fit(dataset(folder / "recorded", poses, np.zeros_like(poses)))
 
 
 def imported(folder: Path, said: str) -> Words:

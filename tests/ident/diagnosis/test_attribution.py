@@ -28,13 +28,15 @@ from lrm_ident.fitting.model_fit import fit_model
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from tests.support.sweep import seeds, soak
 from tests.support.upright_arm import upright_measurements
-from validation.synthetic import FrictionLag, HiddenEffect, SoftPlay
-from validation.synthetic.hidden_joints import CatchingCable, SharedSupply
+from validation.synthetic import FormulaJoint, FrictionLag, HiddenEffect, SoftPlay
 from validation.synthetic.hidden_tracker import OccludedMarker
 
 UNKNOWN = (
     OccludedMarker(3e-3),
-    *soak(SharedSupply(2, 3, 0.4), CatchingCable(2, {3: 0.4, 4: -0.3}, 0.45, 0.03)),
+    *soak(
+        FormulaJoint(2, 0.4, "tau * np.abs(torque[3])"),  # a servo gives way more while another one draws current
+        FormulaJoint(2, 0.03, "np.exp(-0.5 * ((q[3] - 0.4) ** 2 + (q[4] + 0.3) ** 2) / 0.45**2)"),  # a cable catches
+    ),
 )
 KNOWN = (
     (SoftPlay(2, 0.02, 0.04), FrictionLag(4, 0.02, 0.01)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,7 +27,6 @@ from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, variants
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.model import model_of
@@ -38,9 +37,10 @@ from validation.hidden_effects.data import ARM_FILE
 from validation.synthetic import (
     ArmDescription,
     AxialFloat,
+    FormulaJoint,
     GroundTruth,
     HiddenEffect,
-    JointLoad,
+    HingedLink,
     RadialFloat,
     SkewTracker,
     SoftPlay,
@@ -53,51 +53,8 @@ from validation.synthetic import (
     true_state,
 )
 from validation.synthetic.generate import directions
-from validation.synthetic.hidden_effect import EndLoad, at_joint
 
 NOISE = 3e-4
-
-
-@dataclass(frozen=True)
-class RootHinge(HiddenEffect):
-    """A link that bends at its near end only, `length_m` from its far frame."""
-
-    link: int
-    length_m: float
-    compliance_rad_per_nm: float
-
-    def flexible_links(self) -> tuple[int, ...]:
-        return (self.link,)
-
-    def link_deflection(self, load: EndLoad) -> Array:
-        lever = np.array([0.0, 0.0, self.length_m])
-        turn = self.compliance_rad_per_nm * (load.moment_nm + np.cross(lever, load.force_n))
-        turn[:, 2] = 0.0
-        return np.hstack([turn, np.cross(turn, lever)])
-
-
-@dataclass(frozen=True)
-class GearTeeth(HiddenEffect):
-    """Five waves a turn."""
-
-    joint: int
-    size_rad: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        q = load.poses.q_rad[:, self.joint - 1]
-        return at_joint(self.joint, self.size_rad * np.sin(5.0 * q + 0.4), load.tau_nm)
-
-
-@dataclass(frozen=True)
-class WornTooth(HiddenEffect):
-    """A joint that gives way near one angle."""
-
-    joint: int
-    size_rad: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        q = load.poses.q_rad[:, self.joint - 1]
-        return at_joint(self.joint, self.size_rad * np.exp(-(((q - 0.2) / 0.2) ** 2)), load.tau_nm)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +85,7 @@ def refitted(arm: Arm, data: Measurements) -> Fit:
 @pytest.mark.slow
 def test_a_link_that_bends_at_its_near_end_is_named_and_fits(lab: Arm, described: ArmDescription) -> None:
     """Before the point of the bend was a shape, two masses and the load were named to patch the difference."""
-    data = hidden(described, 2, RootHinge(2, 0.1035, 0.045))
+    data = hidden(described, 2, HingedLink(2, 0.1035, (0.045, 0.045)))
     found = diagnose(base_fit(lab, data), data)
     assert found.selected[0].name == "lateral_compliance@link2"
     better = add_effects(found.fit.model, data, effects_at(lab, "lateral_compliance@link2"), found.selected[0].shape)
@@ -140,7 +97,7 @@ def test_a_link_that_bends_at_its_near_end_is_named_and_fits(lab: Arm, described
 @pytest.mark.slow
 def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, described: ArmDescription) -> None:
     """The verdict of a diagnosis and the step of `auto` follow from one rule."""
-    data = hidden(described, 4, WornTooth(2, 0.03))
+    data = hidden(described, 4, FormulaJoint(2, 0.03, "np.exp(-(((q[2] - 0.2) / 0.2) ** 2))"))
     named = add_effects(base_fit(lab, data), data, effects_at(lab, "eccentricity@joint2")).model
     confirmed = confirm(diagnose(named, data))
     report = report_of(confirmed)
@@ -154,7 +111,7 @@ def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, describ
 
 @pytest.mark.slow
 def test_five_waves_a_turn_are_a_gears_ripple(lab: Arm, described: ArmDescription) -> None:
-    data = hidden(described, 4, GearTeeth(2, 0.008))
+    data = hidden(described, 4, FormulaJoint(2, 0.008, "np.sin(5.0 * q[2] + 0.4)"))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
     names = {first.name, *variants(first.candidate.effect)}
@@ -303,25 +260,13 @@ STOP_NOISE, COUNT = 2e-4, 160
 SHOULDER = 2
 
 
-@dataclass(frozen=True)
-class YieldingStop(HiddenEffect):
-    """A joint that turns less than it should beyond some angle."""
-
-    joint: int
-    at_rad: float
-    share: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        beyond = np.maximum(load.poses.q_rad[:, self.joint - 1] - self.at_rad, 0.0)
-        return at_joint(self.joint, -self.share * beyond, load.tau_nm)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(1, 6))
 def test_a_stop_of_an_upright_shoulder_is_a_curve_of_its_angle(tmp_path: Path, seed: int) -> None:
     """There the torque follows the joint's angle, and a free function of both took the place of every name."""
     rng = np.random.default_rng(seed)
-    stop = YieldingStop(SHOULDER, rng.uniform(0.3, 0.9), rng.uniform(0.05, 0.15))
+    at, share = rng.uniform(0.3, 0.9), rng.uniform(0.05, 0.15)
+    stop = FormulaJoint(SHOULDER, -share, f"np.maximum(q[{SHOULDER}] - {at}, 0.0)")
     model, data = upright_measurements(tmp_path, seed, COUNT, STOP_NOISE, (stop,))
     first = confirm(diagnose(fit_identifiable(model, data, model.keys).fit.model, data)).first
     assert first is not None

@@ -43,7 +43,7 @@ def test_creep_is_named_with_its_size_and_its_time_constant(tmp_path: Path) -> N
     [hidden] = seen.truth.effects
     assert isinstance(hidden, ViscoelasticJoint)
     assert added.model.value("creep.joint3.k_rad_per_Nm") == pytest.approx(hidden.compliance_rad_per_nm, rel=0.1)
-    assert added.model.value("creep.joint3.T_s") == pytest.approx(hidden.constant_s, rel=0.2)
+    assert added.model.value("creep.joint3.T_s") == pytest.approx(hidden.constants_s[0], rel=0.2)
     # without its past the deployed arm keeps the memory's mean, and the spring that each load has made by itself
     assert added.model.state is not None
     assert {"offsets.joint3.theta_rad", "compliance.joint3.k_rad_per_Nm"} == {*added.model.state.offsets}

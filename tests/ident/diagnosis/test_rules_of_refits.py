@@ -24,7 +24,12 @@ from lrm_ident.diagnosis.screening.column_sets import stacks_of
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.held_out import HeldOutBlock
-from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin, changes_too_late, rolling_origin_squares
+from lrm_ident.residual.deployment.rolling_origin import (
+    Forecasts,
+    allows_rolling_origin,
+    changes_too_late,
+    rolling_origin_forecasts,
+)
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
@@ -38,9 +43,9 @@ POSES = 40
 Patch = pytest.MonkeyPatch
 
 
-def scored(name: str, alone: float = 1.0) -> Any:
+def scored(name: str, alone: float = 1.0, part: ModelPart = ModelPart.ARM) -> Any:
     """A candidate that alone leaves so much of the mean square."""
-    effect = SimpleNamespace(is_free_form=False, variant_of=(), depends_on=("q",), name=name)
+    effect = SimpleNamespace(is_free_form=False, variant_of=(), depends_on=("q",), name=name, part=part)
     candidate = SimpleNamespace(effect=effect, priority="")
     return SimpleNamespace(
         name=name, implausible=None, candidate=candidate, alone=SimpleNamespace(held_out=np.full(POSES, alone))
@@ -77,7 +82,9 @@ def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
     assert set(found.refused) == {"first"}
 
 
-def leading(patch: Patch, large: tuple[float, float], small: tuple[float, float]) -> str:
+def leading(
+    patch: Patch, large: tuple[float, float], small: tuple[float, float], part: ModelPart = ModelPart.ARM
+) -> str:
     """Which leads, the effect or a special case of it, by the squares that each leaves refitted, in the
     session and as deployed."""
 
@@ -86,7 +93,7 @@ def leading(patch: Patch, large: tuple[float, float], small: tuple[float, float]
         block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, deployed_residual=carried)
         return candidate_trial.Refit(SimpleNamespace(), (block,))  # type: ignore[arg-type]
 
-    first, member = scored("large"), scored("small")
+    first, member = scored("large", part=part), scored("small", part=part)
     trials = {
         "large": candidate_trial.CandidateTrial(refit(*large)),
         "small": candidate_trial.CandidateTrial(refit(*small)),
@@ -104,6 +111,12 @@ def test_a_special_case_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> 
     assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.6)) == "small"
     assert leading(monkeypatch, (0.5, 0.6), (0.51, 0.6)) == "large"
     assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.61)) == "large"
+
+
+def test_of_two_errors_of_the_tracker_the_session_decides(monkeypatch: Patch) -> None:
+    """The points that it moved lie further from the arm, the more of that is the tracker's."""
+    assert leading(monkeypatch, (0.5, 0.6), (0.5, 0.9), ModelPart.MEASUREMENT) == "small"
+    assert leading(monkeypatch, (0.5, 0.6), (0.51, 0.6), ModelPart.MEASUREMENT) == "large"
 
 
 def fitted(at_bound: tuple[str, ...] = ()) -> Any:
@@ -234,17 +247,28 @@ def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Pa
     named = add_effects(plain.model, study.data, [one])
     assert named.sigma < plain.sigma
     assert allows_rolling_origin(study.data)
-    assert len(rolling_origin_squares(named, study.data)) == len(study.data) / 4
+    assert len(rolling_origin_forecasts(named, study.data).best) == len(study.data) / 4
     assert candidate_trial._not_better_later([one], plain, named, study.data) is None
 
 
-def judged(patch: Patch, without: Any, with_it: Any, depends_on: str = "time", part: object = ModelPart.ARM) -> bool:
-    """Whether there is an objection to an effect with these forecasts, squared errors (M,)."""
+def judged(
+    patch: Patch,
+    without: Array,
+    with_it: Array,
+    depends_on: str = "time",
+    part: object = ModelPart.ARM,
+    followed: Array | None = None,
+) -> bool:
+    """Whether there is an objection to an effect with these forecasts, squared errors (M,).
+
+    `followed`: those of its law where a rover follows it; None: the same.
+    """
     patch.setattr(candidate_trial, "allows_rolling_origin", lambda _: True)
     patch.setattr(candidate_trial, "changes_too_late", lambda *_: False)
-    patch.setattr(candidate_trial, "rolling_origin_squares", lambda fitted, _: fitted.squares)
+    patch.setattr(candidate_trial, "rolling_origin_forecasts", lambda fitted, _: fitted.forecasts)
     effect: Any = SimpleNamespace(depends_on=(depends_on,), part=part)
-    fits: list[Any] = [SimpleNamespace(squares=squares, model=None) for squares in (without, with_it)]
+    forecasts = (Forecasts(without, without), Forecasts(with_it if followed is None else followed, with_it))
+    fits: list[Any] = [SimpleNamespace(forecasts=one, model=None) for one in forecasts]
     nothing: Any = None
     return candidate_trial._not_better_later([effect], *fits, nothing) is not None
 
@@ -265,6 +289,13 @@ def test_a_gain_within_its_spread_is_not_shown(monkeypatch: Patch) -> None:
     assert judged(monkeypatch, one, other)
     assert judged(monkeypatch, 0.8 * one, other)
     assert not judged(monkeypatch, one, 0.8 * other)
+
+
+def test_a_law_that_is_wrong_later_is_refused_however_well_its_state_predicts(monkeypatch: Patch) -> None:
+    rng = np.random.default_rng(0)
+    one, other = 1.0 + 0.3 * rng.random((2, 200))
+    assert not judged(monkeypatch, one, 0.8 * other, followed=0.9 * other)
+    assert judged(monkeypatch, one, 0.8 * other, followed=1.2 * other)
 
 
 def test_what_forecasts_cannot_judge_is_left_to_the_cross_validation(monkeypatch: Patch) -> None:

@@ -22,7 +22,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
-from validation.synthetic.hidden_joints import DeadBand
+from validation.synthetic import FormulaJoint
 
 FRAME, SCALE = "measurement_frame@frame", 0.004
 SD = 1e-4
@@ -63,6 +63,7 @@ def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_e
     assert abs(common - SCALE / 3.0) < 2.0 * found.sd
     assert found.sd > 5e-4
     assert "distance_mm" in found.sentence
+    assert "mostly its prior (typical: 0.33 mm/m)" in found.sentence, "its interval misses a worse tracker's scale"
     assert scale_caveat("measurement_frame@frame", fit) == found.sentence
     assert not scale_caveat("frame_curve@frame", fit)  # said at the step that brought it, not again
 
@@ -106,7 +107,8 @@ def diagnosed(model: Model, data: Measurements) -> DiagnosisReport:
 def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint, middle, half = int(rng.integers(2, 5)), rng.uniform(-0.3, 0.5), rng.uniform(0.12, 0.16)
-    band = DeadBand(joint, middle, half)
+    apart = f"q[{joint}] - {middle}"
+    band = FormulaJoint(joint, -1.0, f"np.where(np.abs({apart}) < {half}, {apart}, 0.0)")
     report = diagnosed(*upright_measurements(tmp_path, seed, 300, NOISE, (band,)))
     assert len(report.diagnosis.outlier_distances) >= 5
     assert report.verdict not in ("nothing_missing", "noise_unknown")

@@ -1,7 +1,8 @@
-"""Test of an effect's place: passed where the effect stands where it acts, failed where the cause acts elsewhere."""
+"""Test of an effect's place and amount: passed where the effect is what acts, failed where another cause is."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +14,29 @@ from lrm_ident.diagnosis.specification_test import misspecified_effects
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
-from validation.synthetic import CoupledJoint, FrictionLag, HiddenEffect
-from validation.synthetic.hidden_joints import StuckBit
+from validation.synthetic import CommandedPoses, CoupledJoint, FormulaJoint, FrictionLag, HiddenEffect, WarmUp
+from validation.synthetic.hidden_effect import JointError
 from validation.synthetic.hidden_links import WobblingTurntable
-from validation.synthetic.hidden_memory import RoutedBowden
 
-LAG, COUPLED = "hysteresis@joint2", "coupling@joint2<-joint1"
+LAG, COUPLED, DRIFT = "hysteresis@joint2", "coupling@joint2<-joint1", "drift@joint2"
 POSES, NOISE = 150, 3e-4
-DRAGGED, NODS = RoutedBowden(3, 2, 0.0105), WobblingTurntable(0.007)
+DRAGGED, NODS = FormulaJoint(3, 0.0105, "-np.tanh(way[2] / 0.1)"), WobblingTurntable(0.007)
+STUCK_BIT = FormulaJoint(4, 0.02, "np.floor(q[4] / 0.02) % 2.0")
+
+
+@dataclass(frozen=True)
+class GrowingPlay(JointError):
+    """Play that wears in, on the side of the weight: the other one beyond 70 deg."""
+
+    size_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        grown = poses.time_s / poses.time_s[-1]
+        return np.asarray(self.size_rad * grown * np.tanh(20.0 * (np.cos(q) - np.cos(np.radians(70.0)))))
 
 
 def fitted(folder: Path, seed: int, name: str, *hidden: HiddenEffect) -> tuple[Fit, Measurements]:
@@ -39,14 +52,21 @@ def test_what_acts_at_another_place_is_seen(tmp_path: Path, name: str, hidden: H
     assert misspecified_effects(*fitted(tmp_path, 1, name, hidden), [name]) == (name,)
 
 
+def test_a_passing_zero_that_follows_the_angle_is_another_cause(tmp_path: Path) -> None:
+    """Before: play that grows was identified as a drift of its joint."""
+    assert misspecified_effects(*fitted(tmp_path, 1, DRIFT, GrowingPlay(2, 0.02)), [DRIFT]) == (DRIFT,)
+
+
 @pytest.mark.parametrize("seed", seeds(2, 8))
 @pytest.mark.parametrize(
     ("name", "hidden"),
     [
         (LAG, (FrictionLag(2, 0.02, 0.01),)),
         (COUPLED, (CoupledJoint(2, 1, 0.02, 1.5),)),
-        (LAG, (FrictionLag(2, 0.02, 0.01), StuckBit(4, 0.02))),
+        (LAG, (FrictionLag(2, 0.02, 0.01), STUCK_BIT)),
         (LAG, ()),
+        (DRIFT, (WarmUp(2, 0.02, 1500.0),)),
+        (DRIFT, (WarmUp(2, 0.02, 1500.0), CoupledJoint(3, 2, 0.01, 1.5))),
     ],
 )
 def test_an_effect_where_it_acts_passes(tmp_path: Path, seed: int, name: str, hidden: tuple[HiddenEffect, ...]) -> None:

@@ -130,6 +130,41 @@ def test_what_progress_raises_ends_the_work_at_once(tmp_path: Path) -> None:
     assert ends(int(marker.read_text()))
 
 
+STOPPED = """
+from pathlib import Path
+from tests.ident.fitting.test_executors import says_its_number_and_works, worker_of, works_on_much
+from lrm_ident.fitting.executors import executor_for, in_order
+
+def enough(*_):
+    raise TimeoutError("enough")
+
+if __name__ == "__main__":
+    try:
+        with executor_for(most=1) as executor:
+            executor.submit(says_its_number_and_works, {marker!r})
+            worker_of(Path({marker!r}))
+            in_order(executor, works_on_much, [({marker!r}, bytes(2_000_000))] * 8, enough)
+    except TimeoutError as error:
+        print(error)
+"""
+
+
+def works_on_much(item: tuple[str, bytes]) -> None:
+    says_its_number_and_works(item[0])
+
+
+@pytest.mark.slow
+def test_a_stopped_work_with_tasks_still_waiting_ends_without_a_trace(tmp_path: Path) -> None:
+    """Before: the pool set exceptions of cancelled tasks, printed a traceback, and its process never ended."""
+    script = tmp_path / "stopped.py"
+    script.write_text(STOPPED.format(marker=str(tmp_path / "worker")))
+    here = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen([sys.executable, str(script)], cwd=ROOT, env=here, stderr=-1, stdout=-1, text=True) as parent:
+        ended = ends(parent.pid)
+        out, err = parent.communicate()
+    assert (ended, out, err) == (True, "enough\n", "")
+
+
 @given(st.integers(1, 8), st.integers(1, 40), st.floats(0.1, 1e4))
 def test_the_time_of_parts_that_take_alike_is_right_when_a_round_is_done(at_once: int, of: int, each: float) -> None:
     time_of, rounds = TimeOfParts(at_once, 0.0), -(-of // at_once)

@@ -76,6 +76,7 @@ def test_the_page_in_a_browser(browser: Any, identified: tuple[Path, str]) -> No
         for figure in ("errors", "parameter"):
             page.wait_for_selector(f"#lrm-{figure} .main-svg", state="attached")
         assert "No arm has an effect" in page.inner_text("#lrm-effects")
+        assert "beside each name" not in page.inner_text("main"), "words on a figure that is not there"
         assert page.input_value("#lrm-key") == SOFT
         assert page.text_content("#lrm-parameter .annotation") == f"arm{ODD}"
         page.evaluate(f"lrmFleet.mark({ODD})")
@@ -99,6 +100,10 @@ def test_the_page_fits_every_screen(browser: Any, identified: tuple[Path, str], 
             assert page.evaluate("document.documentElement.dataset.theme") == scheme
             settle(page, 500)
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+            if width == 390:
+                top = "document.querySelector('header {}').getBoundingClientRect().top"
+                verdict, controls = (page.evaluate(top.format(one)) for one in (".verdict", ".lrm-controls"))
+                assert verdict < controls, "what was found, before what can be chosen"
             mark = page.evaluate("document.querySelector('#lrm-parameter .annotation').getBoundingClientRect().right")
             assert mark <= page.evaluate("document.getElementById('lrm-parameter').getBoundingClientRect().right")
             shot(page, f"fleet-{scheme}-{width}.png", full_page=True)

@@ -24,6 +24,7 @@ from lrm_ident.measuring.servo_bus.kind import BusServoKind, Instruction
 from lrm_ident.measuring.servo_bus.servos import BusServos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
+from tests.support.simulated_clock import SimulatedClock
 
 KINDS = (FEETECH, DYNAMIXEL)
 LATE, FRESH = 1111, 2222
@@ -201,14 +202,4 @@ def test_a_campaign_says_in_one_line_that_nobody_answers(
 ) -> None:
     servos = servos_of(unplugged)
     with pytest.raises(LrmError, match=r"^[^\n]+ does not answer: [^\n]+$"):
-        ServoArm(servos, ARM, Instant(), lambda _: None)
-
-
-class Instant:
-    """Clock of which no time passes."""
-
-    def now(self) -> float:
-        return 0.0
-
-    def sleep(self, seconds: float) -> None:
-        pass
+        ServoArm(servos, ARM, SimulatedClock(), lambda _: None)

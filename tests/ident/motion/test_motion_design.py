@@ -25,6 +25,7 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.reading import AS_NAMED
 from lrm_math.motion.motion_model import MotionModel, effect_of
+from tests.support.simulated_clock import SimulatedClock
 from tests.support.sweep import examples
 
 SO101, ROVER = load_arm("so101"), load_arm("lrm-rover")
@@ -121,24 +122,12 @@ def test_offers_moves_that_begin_and_end_at_rest() -> None:
     assert np.ptp(moves.command[:, -8:], axis=1).max() < 1e-9
 
 
-class Clock:
-    """Time that passes by sleeping, and a little with every look."""
-
-    t = 0.0
-
-    def now(self) -> float:
-        return self.t
-
-    def sleep(self, seconds: float) -> None:
-        self.t += max(0.0, seconds)
-
-
 class Follower:
     """Servos that follow at once. `busy`: s that an answer takes, one of `every` so many."""
 
     name, joints, step = "follower", tuple(joint.name for joint in SO101.joints), 0.0
 
-    def __init__(self, clock: Clock, busy: float = 0.0, every: int = 1) -> None:
+    def __init__(self, clock: SimulatedClock, busy: float = 0.0, every: int = 1) -> None:
         self.every, self.asked = every, 0
         self.clock, self.busy, self.told = clock, busy, list[tuple[float, tuple[float, ...]]]()
         self.at: tuple[float, ...] = (0.0,) * 5
@@ -182,7 +171,7 @@ def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: 
     path = tmp_path / "moves.csv"
     path.write_text(design.sequence.csv())
     moves, rows, said = sequence_of(read_command_log(path, SO101, AS_NAMED)), list[PlayedRow](), list[str]()
-    follower = Follower(Clock(), busy, every)
+    follower = Follower(SimulatedClock(), busy, every)
     follower.at = tuple((moves.q[0] + 0.2).tolist())
     play(arm_of(follower), moves, rows, said.append)
     assert len(rows) == len(moves.t)
@@ -199,7 +188,7 @@ def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: 
 
 @pytest.mark.long
 def test_refuses_before_anything_moves(design: MotionDesign) -> None:
-    follower, far = Follower(Clock()), design.sequence.q.copy()
+    follower, far = Follower(SimulatedClock()), design.sequence.q.copy()
     with pytest.raises(LrmError, match=r"\w+ stands at 0\.0 deg, the moves begin at .* within 30 deg first"):
         play(arm_of(follower), design.sequence, [], print)
     follower.at = tuple(far[0].tolist())

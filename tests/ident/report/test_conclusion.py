@@ -40,8 +40,13 @@ def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: Diagno
 
 
 def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -> None:
-    found = conclude(better_study.diagnose())
+    report = better_study.diagnose()
+    found = conclude(report)
     assert found.headline == "Backlash in joint 2 is in the model; no systematic error is left."
+    assert report.hint == "Save the model and give it to the rover: lrm deploy MODEL.", (
+        "what the page says without files"
+    )
+    assert found.next[0].words.startswith("Gives the model to lrmd"), "what the command does stands at the command"
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]

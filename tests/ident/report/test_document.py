@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from lrm_ident.report.document import Block, ListSection, ResultTable, write
+from lrm_ident.report.document import Block, Document, ListSection, ResultTable, write
 
 WORDS = st.lists(st.text("abcdefgh,.", min_size=1, max_size=20), min_size=1, max_size=60)
 WIDTHS = st.integers(40, 120)
@@ -54,3 +54,11 @@ def test_a_table_is_never_wider_than_the_terminal_and_its_words_stay_whole(
     found = [word.rstrip(",") for word in shown.split()]
     assert [one for one in found if one.startswith(("+", "-"))] == cells
     assert {word.rstrip(",") for word in words} <= set(found)
+
+
+def test_a_longer_table_of_the_details_stands_for_the_short_one() -> None:
+    kinds = ((1, "T"), (3, "T"), (1, "U"))
+    short, longer, other = (ResultTable(("a|d",), [(k,) for k in range(rows)], title) for rows, title in kinds)
+    found = Document(["said", short, other], "lrm/test/1", {}, details=[longer])
+    assert found.whole == ["said", other, longer]
+    assert found.blocks == ["said", short, other]

@@ -102,13 +102,13 @@ def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp
 
 
 @pytest.mark.parametrize("misspecified", [(), ("servo_gain@joint1",)])
-def test_auto_says_which_candidates_act_elsewhere(misspecified: tuple[str, ...]) -> None:
+def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...]) -> None:
     steps = [None, SimpleNamespace(added="servo_gain@joint1", evidence=Evidence())]
     attributions, report = [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)], SimpleNamespace(misspecified=misspecified)
     course: Any = SimpleNamespace(steps=steps, attributions=attributions, explained=[1.0], report=report)
     words = " ".join(map(str, attribution_blocks(course)))
     assert words.startswith("Candidate causes: servo_gain@joint1 (0.1")
-    assert ("acts elsewhere" in words) == bool(misspecified)
+    assert ("acts otherwise" in words) == bool(misspecified)
 
 
 def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:

@@ -59,7 +59,7 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     assert page.evaluate("lrm.state.values.history[1].held") < 0.7 * before
     card = page.inner_text("#lrm-cards")
     assert NOT_A_CAUSE in card.lower()
-    assert FIELD not in page.evaluate("lrm.state.values.ranking.map((one) => one.effect)")
+    assert not [one for one in page.evaluate("lrm.state.values.ranking.map((one) => one.name)") if FIELD in one]
     assert marked(FIELD) in page.text_content(".lrm-numbers")
     shot(page, "field.png")
     press(page, "commands")

@@ -21,6 +21,14 @@ EFFECTS = ("backlash@joint2", "cable_curve@joint1+joint2", "hysteresis@joint3", 
 
 NO_WIDER = "document.documentElement.scrollWidth <= innerWidth"
 FIELD = "(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)"
+TITLE = """(() => {
+  const [title, canvas] = [".lrm-scene-title", "canvas"].map((one) => document.querySelector("#lrm-field " + one));
+  return [title.textContent, canvas.getBoundingClientRect().right - title.getBoundingClientRect().right];
+})()"""
+"""Title of the scene, and the px beside it."""
+LEGEND = "[...document.querySelectorAll('#lrm-card-1 .legendtext')].map((one) => one.textContent)"
+LONGEST = "[...lrm.state.values.ranking].sort((a, b) => b.title.length - a.title.length)[0].name"
+HINTS = "[...document.querySelectorAll('.lrm-menu-list [data-name] .q-btn__content div')].map((one) => one.innerText)"
 PLACES = """(() => {
   const [head, framed, card] = ["header.lrm-head", ".lrm-toured", ".lrm-tour"].map((one) =>
     document.querySelector(one).getBoundingClientRect());
@@ -53,6 +61,10 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
         settle(page, SETTLED_MS)
         assert faults_of_geometry(page) == [], width
         assert page.evaluate(NO_WIDER), width
+        title, beside = page.evaluate(TITLE)
+        assert "mm" in title, width
+        assert beside > 55, "the scale of colours has its own room"
+        assert page.evaluate(LEGEND) == ["before", "after", "mean before", "mean after"]
         if width == min(WIDTHS):
             bottom = "document.querySelector('{}').getBoundingClientRect()"
             assert page.evaluate(f"{bottom.format('#lrm-verdict')}.bottom < innerHeight / 2"), "the sentence is seen"
@@ -64,6 +76,11 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
     assert len(page.query_selector_all(".lrm-card-of-step .lrm-sketch svg")) == len(EFFECTS)
     assert page.inner_text("#lrm-fall").startswith("nominal "), "never the last, smallest step"
     assert page.evaluate("lrm.state.beside") == 0
+    for words in ("measured minus predicted", "Solid arm: the model", "Outline: the nominal arm"):
+        assert words in page.inner_text("#lrm-scale"), "the picture says what it shows"
+    captions = page.evaluate("[...document.querySelectorAll('.lrm-numbers caption')].map((one) => one.textContent)")
+    assert len({*captions}) == len(captions), "no table stands twice"
+    assert page.inner_text("#lrm-verdict") not in (page.text_content(".lrm-numbers") or ""), "the verdict stands above"
     page.context.close()
 
 
@@ -76,6 +93,16 @@ def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: Run
         assert faults_of_geometry(page) == [], width
         assert page.evaluate(NO_WIDER), width
         assert min(page.evaluate(FIELD)) > 240, "the field is squeezed"
+        first = page.evaluate("lrm.state.candidate")
+        page.evaluate(f"lrm.choose({LONGEST})")
+        settle(page, SETTLED_MS)
+        assert faults_of_geometry(page) == [], "an effect with a long name"
+        page.evaluate(f"lrm.choose('{first}')")
+        page.click("#lrm-menu summary")
+        hints = page.evaluate(HINTS)
+        assert len(hints) == 14
+        assert all(hints), "where nothing can be pointed at, too"
+        page.keyboard.press("Escape")
         press(page, "tour")
         for _ in range(6):
             settle(page, 200)

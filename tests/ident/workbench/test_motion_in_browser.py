@@ -17,7 +17,8 @@ from tests.ident.motion.test_motion_study import study
 from tests.ident.workbench.test_axe_in_browser import faults
 from tests.support.browser import opened, with_axe, workbench
 from tests.support.commands import stdout_of
-from validation.encoder_checkup.teleoperation import recorded, sound_arm, write_dataset
+from validation.lerobot_dataset import write_dataset
+from validation.teleoperation import recorded, sound_arm
 
 
 @cache
@@ -63,6 +64,8 @@ def opened_page(browser: Any, tmp_path: Path) -> Any:
 def test_its_charts_are_drawn_and_follow_what_is_chosen(browser: Any, tmp_path: Path) -> None:
     page = opened_page(browser, tmp_path)
     assert page.locator("#lrm-steps .bars .point").count() == 2
+    left = "document.getElementById('lrm-{}')._fullLayout._size.l"
+    assert page.evaluate(left.format("path")) == page.evaluate(left.format("left")), "time is at the same place in both"
     said = page.locator("#lrm-errors").inner_text()
     page.select_option("#lrm-what", index=0)
     assert page.locator("#lrm-errors").inner_text() != said

@@ -148,7 +148,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     after = page.evaluate("lrm.state.values.history[1].held")
     fall = page.inner_text("#lrm-fall").replace("\xa0", " ")
     assert re.search(
-        rf"^nominal .* {before:.2f} → backlash in joint 2 {after:.2f} mm RMS at poses not in the fit$", fall
+        rf"^nominal .* {before:.2f} → with backlash in joint 2: {after:.2f} mm RMS at poses not in the fit$", fall
     ), fall
     last = page.inner_text("#lrm-verdict")
     page.click("#lrm-look > summary")

@@ -11,7 +11,7 @@ from lrmd.client.rover import Rover
 from lrmd.client.session import RequestRefused
 from lrmd.config import load_config
 from lrmd.messages.control import Event
-from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, WaitTimeout, wait_for
 from tests.support.daemon.pulse_invariants import PulseInvariants, pulse_invariants, read_frames
 
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
@@ -61,8 +61,12 @@ class DaemonHarness:
         return self.rover.mode().mode
 
     def wait_for_mode(self, mode: str) -> None:
-        """Waits until the daemon has this mode. Raises `WaitTimeout`."""
-        wait_for(lambda: self.mode() == mode, f"the mode is {mode}")
+        """Waits until the daemon has this mode. Raises `WaitTimeout` with the one that it has, and the last events."""
+        try:
+            wait_for(lambda: self.mode() == mode, f"the mode is {mode}")
+        except WaitTimeout as late:
+            late.add_note(f"mode {self.mode()}, pulses {self.pulses()}, last events {self.codes()[-20:]}")
+            raise
 
     def pulses(self) -> list[float]:
         """Pulses that the board puts out (us)."""

@@ -25,10 +25,11 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.model import Model
 from validation.as_deployed.board.goal_visits import GoalVisits
 from validation.as_deployed.board.passing_world import PUSHED_AT_S, PassingWorld
-from validation.as_deployed.outcome import Record, deployed, steps_of
+from validation.as_deployed.outcome import Record, steps_of
 from validation.as_deployed.recording import WorldRecording
 from validation.synthetic import ArmDescription, Dataset, GroundTruth, Schedule, true_state
 from validation.synthetic.example import ARM_FILE
@@ -63,7 +64,7 @@ class InstantLoop:
         found, named = plain.auto()
         known = self._fitted(*world.level, 0.0)
         models = {"before": (plain, world.lasting), "after": (named, world.lasting), "floor": (known, world.level)}
-        errors = {when: self._errors(deployed(study.model), *then) for when, (study, then) in models.items()}
+        errors = {when: self._errors(as_deployed(study.model), *then) for when, (study, then) in models.items()}
         reached = np.isfinite(np.stack([*errors.values()])).all(axis=(0, 2))
         figures = {f"{when}_mm": float(f"{1e3 * error_stats(of[reached]).rms:.4g}") for when, of in errors.items()}
         return {**figures, "goals": int(reached.sum()), "steps": steps_of(found), "verdict": found.verdict}

@@ -21,11 +21,10 @@ PROLOGUE = f"const lrmTerms = {terms_json()};\n{(FOLDER / 'page' / 'theme.js').r
 TOLD, BESIDE, BELOW = (FOLDER / "page" / "panels.html").read_text(encoding="utf-8").split("<!-- next -->\n")
 """Of page and report: the words of the verdict, to be formatted; the panels beside them; those below."""
 NAMES = (
-    "charts/chart", "page/glossary", "page/sketches", "scene/pen", "scene/axes", "scene/arrows", "scene/solids",
-    "scene/scene", "page/brush", "charts/candidates", "page/story", "page/steps", "scene/field",
+    "page/elements", "charts/chart", "page/glossary", "page/sketches", "scene/pen", "scene/axes", "scene/arrows",
+    "scene/solids", "scene/scene", "page/brush", "charts/candidates", "page/story", "page/steps", "scene/field",
     "page/controls", "page/figures",
 )  # fmt: skip
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""
-SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("charts/chart", "charts/fleet"))
-SCRIPTS_OF_MOTION = tuple(FOLDER / f"{name}.js" for name in ("charts/chart", "charts/motion"))
+SCRIPTS_OF_FLEET, SCRIPTS_OF_MOTION = ((*SCRIPTS[:2], FOLDER / f"charts/{name}.js") for name in ("fleet", "motion"))

@@ -66,7 +66,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             for entry, step in zip(history, found.field.steps, strict=False)
         ],
         "unseen": UNSEEN,
-        "story": None if story is None else {**plain(story), "steps": steps, "facts": story.facts},
+        "story": None if story is None else {**plain(story), "steps": steps},
         "cards": [_card(found, story is not None and story.held_out, *each) for each in cards],
         "floor": found.floor_mm,
         "bound": known.get("noise_bound_rms_mm"),
@@ -213,7 +213,6 @@ def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str
         "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),
-        "rivals": [plain_name(name) for name in advice["indistinguishable_from"]],
         "estimates": [
             f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
             for key, one in advice["parameters"].items()

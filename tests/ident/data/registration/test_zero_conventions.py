@@ -85,7 +85,7 @@ def test_an_arm_of_other_names_has_no_old_zeros() -> None:
 def test_every_door_reads_old_zeros_and_prints_the_rule(door: str, name: str, tmp_path: Path) -> None:
     arm = load_arm(name)
     poses = np.degrees(as_before(poses_of(arm, 3)))
-    folder, out = written(tmp_path / "dataset", arm, poses, np.zeros_like(poses)), tmp_path / "poses.csv"
+    folder, out = written(tmp_path / "dataset", poses, np.zeros_like(poses)), tmp_path / "poses.csv"
     words = ("import", "lerobot", folder, "-o", out) if door == "import" else ("checkup", folder)
     code, said, err = run_command(*words, "--arm", name)
     assert code == 0, err

@@ -34,6 +34,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ident.measuring.camera.test_camera import LENS
 from tests.support.commands import stderr_of
+from tests.support.simulated_clock import SimulatedClock
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view
 
@@ -159,21 +160,11 @@ class StandingArm:
         """See `CampaignArm`."""
 
 
-class NoTime:
-    """A clock that does not wait."""
-
-    def now(self) -> float:
-        return 0.0
-
-    def sleep(self, seconds: float) -> None:
-        """See `Clock`."""
-
-
 def test_a_photo_at_every_pose_that_can_be_reached(tmp_path: Path) -> None:
     standing, taken, said = StandingArm(), list[int](), list[str]()
     plan = [PlannedPose(n, (0.1 * n,) * ARM.dof, 0.0, (), n) for n in (1, 2, 3)]
     kept: list[PhotographedPoses] = []
-    campaign = PhotoCampaign(standing, NoTime(), PoseTiming(), plan[0], taken.append, kept.append, said.append)
+    campaign = PhotoCampaign(standing, SimulatedClock(), PoseTiming(), plan[0], taken.append, kept.append, said.append)
     found = campaign.run(plan)
     assert standing.went == [1, 3, 3]
     assert taken == [1, 2, 2]  # the photo of an arm that was moved is taken again

@@ -22,6 +22,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, Tracke
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of
+from tests.support.simulated_clock import SimulatedClock
 
 ARM = load_arm("so101")
 NAMES = [joint.name for joint in ARM.joints]
@@ -75,21 +76,8 @@ class FakeRobot:
         self.at |= {key: value for key, value in action.items() if key != self.held}
 
 
-class FakeClock:
-    """Time that passes by sleeping; `then` happens after the first sleep."""
-
-    def __init__(self) -> None:
-        self.t, self.robot = 0.0, None
-
-    def now(self) -> float:
-        return self.t
-
-    def sleep(self, seconds: float) -> None:
-        self.t += seconds
-
-
-def driven(robot: FakeRobot, clock: FakeClock | None = None) -> ServoArm:
-    return ServoArm(LeRobotServos.of(robot, ARM), ARM, clock or FakeClock(), lambda _: None)
+def driven(robot: FakeRobot, clock: SimulatedClock | None = None) -> ServoArm:
+    return ServoArm(LeRobotServos.of(robot, ARM), ARM, clock or SimulatedClock(), lambda _: None)
 
 
 def pose(q: list[float], approach: int = 0) -> PlannedPose:
@@ -98,7 +86,7 @@ def pose(q: list[float], approach: int = 0) -> PlannedPose:
 
 @given(st.lists(ANGLES, min_size=1, max_size=4), st.sampled_from([-1, 0, 1]))
 def test_it_goes_straight_and_no_faster_than_it_may(goals: list[list[float]], approach: int) -> None:
-    robot, clock = FakeRobot(), FakeClock()
+    robot, clock = FakeRobot(), SimulatedClock()
     arm = driven(robot, clock)
     assert robot.sent == []  # nothing moves until it is asked to
     before = [0.0] * 5
@@ -143,7 +131,7 @@ def test_what_happens_during_a_rest_is_told() -> None:
 
 
 def test_a_hot_servo_cools_where_it_bears_little() -> None:
-    robot, clock = FakeRobot(), FakeClock()
+    robot, clock = FakeRobot(), SimulatedClock()
     arm = driven(robot, clock)
     assert arm.too_warm() == ""
     robot.bus.heat = 56.0
@@ -199,7 +187,7 @@ NUMBERS = TargetNumbers(1, None)
 class PromptTracker:
     """Sees the tip at once; its frames last as long as they are asked for."""
 
-    def __init__(self, clock: FakeClock) -> None:
+    def __init__(self, clock: SimulatedClock) -> None:
         self.clock = clock
 
     def frames(self, seconds: float) -> Sequence[TrackerFrame]:
@@ -209,7 +197,7 @@ class PromptTracker:
 
 def taken(poses: Sequence[PlannedPose], timing: PoseTiming) -> float:
     """Time (s) of the poses after the first one, at which the arm stands."""
-    clock = FakeClock()
+    clock = SimulatedClock()
     arm = driven(FakeRobot(), clock)
     arm.go(poses[0])
     began = clock.t

@@ -18,7 +18,7 @@ from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL, DynamixelPacket
 from lrm_ident.measuring.servo_bus.kind import Instruction, PacketReader
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
-from tests.ident.measuring.feetech.test_feetech_servos import held, refusal
+from tests.ident.measuring.feetech.test_feetech_servos import SdkPort, held, refusal
 from tests.ident.measuring.feetech.test_feetech_servos import line_of as feetech_line_of
 
 pytestmark = pytest.mark.usefixtures("hurried")
@@ -109,30 +109,7 @@ def test_the_makers_sdk_speaks_with_it() -> None:
     """`dynamixel_sdk`, Robotis's own library, over a port that is this bus."""
     sdk = pytest.importorskip("dynamixel_sdk", reason="dynamixel-sdk is not installed")
 
-    class Port:
-        """Port with as much of the SDK's `PortHandler` as its packets need."""
-
-        is_using = False
-
-        def __init__(self) -> None:
-            self.line = line_of(1, 2)
-
-        def clearPort(self) -> None:  # noqa: N802
-            self.line.waiting = b""
-
-        def writePort(self, packet: list[int]) -> int:  # noqa: N802
-            return self.line.write(bytes(packet))
-
-        def readPort(self, length: int) -> list[int]:  # noqa: N802
-            return list(self.line.read(length))
-
-        def setPacketTimeout(self, length: int) -> None:  # noqa: N802
-            pass
-
-        def isPacketTimeout(self) -> bool:  # noqa: N802
-            return not self.line.waiting
-
-    port, handler = Port(), sdk.PacketHandler(2.0)
+    port, handler = SdkPort(line_of(1, 2)), sdk.PacketHandler(2.0)
     assert handler.ping(port, 1) == (1060, sdk.COMM_SUCCESS, 0)
     assert handler.ping(port, 9)[1] == sdk.COMM_RX_TIMEOUT
     assert handler.write1ByteTxRx(port, 2, table.TORQUE_ENABLE.address, 1) == (sdk.COMM_SUCCESS, 0)

@@ -69,6 +69,30 @@ class BusLine:
         self.t += seconds
 
 
+class SdkPort:
+    """A line to a bus, with as much of `PortHandler` as the packets of both makers' kits need."""
+
+    is_using = False
+
+    def __init__(self, line: BusLine) -> None:
+        self.line = line
+
+    def clearPort(self) -> None:  # noqa: N802
+        self.line.waiting = b""
+
+    def writePort(self, packet: list[int]) -> int:  # noqa: N802
+        return self.line.write(bytes(packet))
+
+    def readPort(self, length: int) -> list[int]:  # noqa: N802
+        return list(self.line.read(length))
+
+    def setPacketTimeout(self, length: int) -> None:  # noqa: N802
+        pass
+
+    def isPacketTimeout(self) -> bool:  # noqa: N802
+        return not self.line.waiting
+
+
 BUSES = {"feetech": (FEETECH, FeetechBus, FeetechServo), "dynamixel": (DYNAMIXEL, DynamixelBus, DynamixelServo)}
 on_both = pytest.mark.parametrize("kind", BUSES)
 

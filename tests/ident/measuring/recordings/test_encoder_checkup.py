@@ -10,45 +10,49 @@ import pytest
 
 pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'lerobot')")
 
-from lrm_ident.measuring.recordings.encoder_checkup import checkup
+from lrm_ident.measuring.recordings.encoder_checkup import EncoderFinding, checkup
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames, read_frames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of, stdout_of
-from validation.encoder_checkup.__main__ import named
-from validation.encoder_checkup.teleoperation import (
+from validation.lerobot_dataset import VERSIONS, Recording, write_dataset
+from validation.teleoperation import (
     CAUSES,
-    VERSIONS,
-    Recording,
+    FollowingArm,
     ailing_arm,
     recorded,
     sound_arm,
-    write_dataset,
 )
 
 pytestmark = pytest.mark.long
 
 
+def named(arm: FollowingArm, seed: int, version: str, folder: Path) -> tuple[EncoderFinding, ...]:
+    """Effects named in a recording of an arm, through its files."""
+    data = write_dataset(folder / "data", recorded(arm, np.random.default_rng([seed, 1])), version)
+    return checkup(read_frames(data, load_arm("so101")), load_arm("so101"), 0.5).findings
+
+
 @pytest.mark.parametrize("number", range(5))
-def test_a_hidden_cause_is_named_at_its_joint(number: int) -> None:
+def test_a_hidden_cause_is_named_at_its_joint(number: int, tmp_path: Path) -> None:
     cause = CAUSES[number]
     arm, joint = ailing_arm(cause, np.random.default_rng(number))
-    found = named(arm, number, VERSIONS[number % 2])
+    found = named(arm, number, VERSIONS[number % 2], tmp_path)
     assert [(one.cause, one.joint) for one in found] == [(cause, joint)]
 
 
 @pytest.mark.parametrize("size", [17.0, 2.0])
-def test_a_leader_offset_is_found_with_its_size(size: float) -> None:
+def test_a_leader_offset_is_found_with_its_size(size: float, tmp_path: Path) -> None:
     arm, joint = ailing_arm("offset", np.random.default_rng(3), size)
-    (found,) = named(arm, 3, "v3.0")
+    (found,) = named(arm, 3, "v3.0", tmp_path)
     assert (found.cause, found.joint) == ("offset", joint)
     assert np.degrees(found.size) == pytest.approx(size, abs=0.15)
     assert found.sign == np.sign(arm.offset[joint])
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_sound_arm_has_no_name(seed: int) -> None:
-    assert named(sound_arm(np.random.default_rng(seed)), seed, "v2.1") == ()
+def test_a_sound_arm_has_no_name(seed: int, tmp_path: Path) -> None:
+    assert named(sound_arm(np.random.default_rng(seed)), seed, "v2.1", tmp_path) == ()
 
 
 def test_both_formats_read_alike(tmp_path: Path) -> None:

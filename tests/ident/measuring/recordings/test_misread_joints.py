@@ -15,6 +15,7 @@ from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from tests.support.commands import run_command, stderr_of, stdout_of
+from validation.lerobot_dataset import Recording, write_dataset
 
 FPS, RESTS, REST_FRAMES = 30, 24, 40
 ARM = load_arm("so101")
@@ -110,22 +111,13 @@ def test_frames_without_a_number_are_left_out_and_named() -> None:
 
 def written(folder: Path, frames: LeRobotFrames, names: list[str], unit: float = 1.0) -> Path:
     """A dataset whose columns have these names, those of the arm's joints over and over."""
-    pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'lerobot')")
-    parquet = pytest.importorskip("pyarrow.parquet")
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'lerobot')")
     columns = [next((j for j, joint in enumerate(JOINTS) if joint in name), None) for name in names]
-    rows = []
-    for row in range(len(frames.t)):
-        both = [
-            [30.0 if j is None else float(values[row, j]) * unit for j in columns]
-            for values in (np.degrees(frames.command), np.degrees(frames.feedback))
-        ]
-        rows.append({"action": both[0], "observation.state": both[1], "timestamp": row / FPS, "episode_index": 0})
-    features = {name: {"names": names} for name in ("action", "observation.state")}
-    (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text(json.dumps({"codebase_version": "v3.0", "features": features}))
-    (folder / "data" / "chunk-000").mkdir(parents=True)
-    parquet.write_table(pyarrow.Table.from_pylist(rows), folder / "data" / "chunk-000" / "file-000.parquet")
-    return folder
+    action, state = (
+        np.stack([np.full(len(angles), 30.0) if j is None else angles[:, j] * unit for j in columns], axis=1)
+        for angles in (np.degrees(frames.command), np.degrees(frames.feedback))
+    )
+    return write_dataset(folder, Recording(action, state, frames.t, frames.episode), "v3.0", names)
 
 
 @pytest.mark.parametrize("before", ["", "main_", "arm_", "left_", "right_"])

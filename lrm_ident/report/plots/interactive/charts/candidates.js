@@ -19,10 +19,10 @@ function lrmCandidates(page) {
   function drawAdded(one) {
     const v = state.values, rows = page.points(), last = v.steps[v.steps.length - 1].residual;
     const extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
-    const traces = AXES.map((axis, k) => dots("along " + axis, rows.map((row) => one.added[row][k]), rows.map((row) => last[row][k]),
+    const traces = AXES.map((axis, k) => dots(axis, rows.map((row) => one.added[row][k]), rows.map((row) => last[row][k]),
       { opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) }, { ...poseOf(rows), hovertemplate: "%{text}<extra></extra>" }));
-    traces.push(line("as it says", [-extent, extent], [-extent, extent], { color: colour("ink"), dash: "dash", width: 1.5 }));
-    draw("added", traces, { xaxis: titled("it would add, mm"), yaxis: titled("the fit leaves, mm") }, wireScatter);
+    traces.push(line("all explained", [-extent, extent], [-extent, extent], { color: colour("ink"), dash: "dash", width: 1.5 }));
+    draw("added", traces, { xaxis: titled("motion that it would add, mm"), yaxis: titled("residual of the fit, mm") }, wireScatter);
   }
 
   // The data and what the form says of each pose, as points: a form may follow more than is drawn, and no line hides that.
@@ -56,7 +56,7 @@ function lrmCandidates(page) {
     ];
     if (one && state.step === v.steps.length - 1) {
       const times = size(), says = binned(at(driver.values, sample), at(one.turns[state.joint], sample).map((y) => y === null ? y : times * y));
-      traces.push(line(`what ${one.title} would explain`, says.x, says.y, { color: colour("held"), width: 3, dash: "dash" },
+      traces.push(line("what the chosen effect would explain", says.x, says.y, { color: colour("held"), width: 3, dash: "dash" },
         { ...marks, marker: { symbol: "diamond", size: 7 } }));
     }
     const beyond = seen.beyond ? ` (${seen.beyond} beyond)` : "", y_title = `turn of joint ${state.joint + 1}, deg${beyond}`;
@@ -67,7 +67,6 @@ function lrmCandidates(page) {
     const { cause, formula, needs, source } = one.about, about = [cause, formula, needs && `Shown by ${needs}.`, source].filter(Boolean);
     return lrmHtml`<p>${one.why}</p>
       <p class="lrm-soft">${one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently."}</p>
-      ${one.rivals.length ? lrmHtml`<p class="lrm-soft">These poses cannot distinguish it from ${one.rivals.join(", ")}.</p>` : ""}
       <details class="lrm-soft lrm-explain"><summary>Explain</summary>${about.map((text) => lrmHtml`<p>${text}</p>`)}</details>
       <details class="lrm-soft"><summary>${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}</summary><p>${one.estimates.join(", ")}</p></details>`;
   }

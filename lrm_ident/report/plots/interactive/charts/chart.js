@@ -1,13 +1,5 @@
 // What all flat charts share: colours of the page's style, Plotly's layout and buttons, means and ranges of points.
 "use strict";
-// HTML of a template: what is put in is escaped, unless it is HTML of such a template itself, or a list of such.
-const lrmHtml = (() => {
-  class Html extends String {}
-  const shown = (one) => one instanceof Html ? one : Array.isArray(one) ? one.map(shown).join("")
-    : String(one ?? "").replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt(0)};`);
-  return ({ raw }, ...put) => new Html(String.raw({ raw }, ...put.map(shown)));
-})();
-
 const lrmChart = (() => {
   const BINS = 12;
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -17,7 +9,7 @@ const lrmChart = (() => {
     const base = {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 12, family: "system-ui, sans-serif" },
       margin: { l: 8, r: 8, t: 8, b: 8 }, showlegend: true, hovermode: "closest", dragmode: "select",
-      legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 } }, uirevision: "kept",
+      legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 }, traceorder: "normal" }, uirevision: "kept",
     };
     const out = Object.assign(base, extra);
     for (const key of Object.keys(out)) if (/^[xy]axis\d*$/.test(key)) out[key] = Object.assign({}, axis, out[key]);
@@ -28,6 +20,17 @@ const lrmChart = (() => {
   const dots = (name, x, y, marker, more) => ({ type: "scatter", mode: "markers", name, x, y, marker: { size: 5, ...marker }, ...more });
   const line = (name, x, y, ink, more) => ({ type: "scatter", mode: "lines", name, x, y, line: ink, hoverinfo: "skip", ...more });
   const titled = (text, more) => ({ title: { text, standoff: 4 }, ...more });
+  // An upright line across a chart, and an axis of names from above to below.
+  const upright = (x, ink) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: ink });
+  const named = (names) => ({ range: [names.length - 0.5, -0.5], tickmode: "array", tickvals: names.map((_, k) => k), ticktext: names, zeroline: false });
+
+  // Draws a chart; `wire` adds its events, once.
+  function draw(figure, traces, options, wire) {
+    return Plotly.react(figure, traces, layout(options), CONFIG).then(() => {
+      if (wire && !figure.dataset.wired) wire(figure);
+      figure.dataset.wired = "yes";
+    });
+  }
 
   const at = (values, rows) => rows.map((row) => values[row]);
 
@@ -61,31 +64,19 @@ const lrmChart = (() => {
     return { limits: [-limit, limit], beyond: sizes(values).filter((y) => y > limit).length };
   }
 
-  // Paper has its own sizes (class lrm-paper): charts take them before the browser lays the pages out, and the screen's again.
-  function onPaper(begin) {
-    document.documentElement.classList.toggle("lrm-paper", begin);
+  // Charts take the sizes that they have on paper, or that of the screen again.
+  function fit(paper) {
     for (const figure of document.querySelectorAll(".js-plotly-plot")) {
-      const size = begin ? { width: figure.clientWidth, height: figure.clientHeight, autosize: false }
-        : { width: null, height: null, autosize: true };
-      if (!window.Plotly || !figure.clientWidth) continue;
-      Plotly.relayout(figure, size);
+      if (!figure.clientWidth) continue;
+      Plotly.relayout(figure, paper ? { width: figure.clientWidth, height: figure.clientHeight, autosize: false }
+        : { width: null, height: null, autosize: true });
       Plotly.redraw(figure); // the legend's rows changed with the width, and with them the room above the chart
     }
   }
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: [["zoom2d", "select2d", "resetScale2d"]] };
-  return { colour, layout, dots, line, titled, at, curve, binned, range, onPaper, CONFIG };
+  return { colour, dots, line, titled, upright, named, draw, at, binned, range, fit };
 })();
-
-// What the pages of a fleet and of motion share: the theme with its button, and light paper. `draw`: all figures anew.
-function lrmPlainPage(draw) {
-  const page = document.documentElement, theme = (name) => { page.dataset.theme = name; draw(); };
-  let onScreen = "light";
-  document.getElementById("lrm-theme").onclick = () => theme(lrmTheme());
-  lrmTheme.follow(theme);
-  window.addEventListener("beforeprint", () => { onScreen = page.dataset.theme; theme("light"); lrmChart.onPaper(true); });
-  window.addEventListener("afterprint", () => { lrmChart.onPaper(false); theme(onScreen); });
-}
 
 // Charts are drawn one at a time, the nearest to what is seen first, so that the page answers in between.
 function lrmQueue(page) {
@@ -93,12 +84,7 @@ function lrmQueue(page) {
 
   function draw(id, traces, options, wire) {
     const figure = place(id);
-    if (!figure) return;
-    waiting.set(figure, () => Plotly.react(figure, traces, lrmChart.layout(options), lrmChart.CONFIG).then(() => {
-      if (figure.dataset.wired) return;
-      figure.dataset.wired = "yes";
-      if (wire) wire(figure);
-    }));
+    waiting.set(figure, () => lrmChart.draw(figure, traces, options, wire));
     soon();
   }
 

@@ -1,11 +1,10 @@
 // The figures of a fleet's page, drawn with Plotly from the values of fleet_figures.py. In all of them a column is an arm.
 "use strict";
 const lrmFleet = (() => {
-  const { colour, layout, dots, line, CONFIG } = lrmChart;
+  const { colour, dots, line, upright, named } = lrmChart, { place, options } = lrmElements;
   const LEVELS = ["--model", "--held", "--good", "--accent", "#e69f00", "#999999", "#882255", "#8c6d31"];
   const MOST_NAMES = 40, MOST_LEVEL = 8, ROW_PX = 36, WIDE_PX = 700, LEFT_PX = 260;
   const TICKS = [-3, -2, -1, 0, 1, 2].flatMap((p) => [1, 2, 5].map((k) => Number((k * 10 ** p).toPrecision(1))));
-  const place = (id) => document.getElementById("lrm-" + id);
   const state = { values: null, tag: "", key: "", marked: null };
 
   const levelOf = (arm) => (state.tag ? arm.tags[state.tag] || "(none)" : "all arms");
@@ -21,32 +20,25 @@ const lrmFleet = (() => {
     return numbers.sort((a, b) => levelOf(arms[a]).localeCompare(levelOf(arms[b]), undefined, { numeric: true }) || a - b);
   }
 
-  function columns(options) {
+  function columns(more) {
     const sorted = order(), names = sorted.map((number) => state.values.arms[number].name);
-    const shapes = state.marked === null ? [] : [{ type: "line", x0: sorted.indexOf(state.marked), x1: sorted.indexOf(state.marked),
-      yref: "paper", y0: 0, y1: 1, line: { color: colour("accent"), width: 1 } }];
+    const marked = state.marked === null ? [] : [upright(sorted.indexOf(state.marked), { color: colour("accent"), width: 1 })];
     const few = names.length <= MOST_NAMES, wide = place("errors").clientWidth > WIDE_PX;
-    return layout(Object.assign({ dragmode: "zoom" }, options, {
+    return { dragmode: "zoom", ...more,
       margin: { l: wide ? LEFT_PX : 8, r: 8, t: 8, b: 8 }, // on a wide page an arm is at the same place in all figures
-      yaxis: { ...options.yaxis, automargin: !wide },
-      shapes: [...(options.shapes || []), ...shapes],
+      yaxis: { ...more.yaxis, automargin: !wide },
+      shapes: [...(more.shapes || []), ...marked],
       xaxis: { range: [-0.7, names.length - 0.3], tickmode: "array", tickvals: few ? names.map((_, k) => k) : [], ticktext: names,
         tickangle: names.length > MOST_LEVEL ? 90 : 0,
         title: { text: few ? "" : "arms" + (state.tag ? ", sorted by " + state.tag : "") }, showgrid: false, zeroline: false },
-    }));
+    };
   }
 
   const about = (arm) => [arm.name, ...Object.entries(arm.tags).map(([name, level]) => `${name}: ${level || "(none)"}`),
     `error ${arm.nominal === null ? "–" : arm.nominal + " → " + arm.held_out + " mm"}`, ...arm.effects.map((e) => e.words)];
 
-  function draw(id, traces, options) {
-    const element = place(id);
-    Plotly.react(element, traces, columns(options), CONFIG).then(() => {
-      if (element.dataset.wired) return;
-      element.dataset.wired = "yes";
-      element.on("plotly_click", (event) => mark(event.points[0].customdata));
-    });
-  }
+  const draw = (id, traces, more) => lrmChart.draw(place(id), traces, columns(more),
+    (figure) => figure.on("plotly_click", (event) => mark(event.points[0].customdata)));
 
   // One trace for each level of the tag: `points` are [number of the arm, y, more].
   function byLevel(points, marker, more = () => ({})) {
@@ -72,17 +64,13 @@ const lrmFleet = (() => {
 
   function drawEffects() {
     const names = state.values.effects, box = place("effects");
-    if (!names.length) {
-      box.textContent = "No arm has an effect beyond the plain model.";
-      return;
-    }
+    if (!names.length) return;
     box.style.height = `${90 + ROW_PX * Math.max(names.length, 2)}px`;
     const size = Math.max(4, Math.min(11, 0.6 * box.clientWidth / state.values.arms.length));
     const row = new Map(names.map((one, k) => [one.name, k]));
     const points = state.values.arms.flatMap((arm, number) => arm.effects.map((e) => [number, row.get(e.name), e.words, e.sure]));
     const traces = byLevel(points, (own) => ({ size, symbol: own.map((one) => (one[3] ? "square" : "square-open")) }));
-    draw("effects", traces, { showlegend: Boolean(state.tag), yaxis: { range: [names.length - 0.5, -0.5], tickmode: "array",
-      tickvals: names.map((_, k) => k), ticktext: names.map((one) => one.words), zeroline: false } });
+    draw("effects", traces, { showlegend: Boolean(state.tag), yaxis: named(names.map((one) => one.words)) });
   }
 
   function drawParameter() {
@@ -113,18 +101,15 @@ const lrmFleet = (() => {
     redraw();
   }
 
-  function choices(id, entries, chosen, then) {
-    const select = place(id);
-    for (const [value, words] of entries) select.add(new Option(words, value, false, value === chosen));
-    select.onchange = () => { then(select.value); redraw(); };
+  function choose(what, entries) {
+    options(what, entries, state[what]).onchange = (event) => { state[what] = event.target.value; redraw(); };
   }
 
   function show(values) {
     Object.assign(state, { values, tag: values.first_tag, key: values.first_parameter });
-    choices("tag", [["", "as in the manifest"], ...values.tags.map((name) => [name, name])], state.tag, (name) => { state.tag = name; });
-    choices("key", values.parameters.map((p) => [p.key, p.label + (p.outliers.length ? " (an arm stands out)" : "")]), state.key,
-      (key) => { state.key = key; });
-    lrmPlainPage(redraw);
+    choose("tag", [["", "as in the manifest"], ...values.tags.map((name) => [name, name])]);
+    choose("key", values.parameters.map((p) => [p.key, p.label + (p.outliers.length ? " (an arm stands out)" : "")]));
+    lrmAppearance(redraw);
     redraw();
   }
 

@@ -1,19 +1,19 @@
 // The figures of a motion page, drawn with Plotly from the values of motion_page.py: errors step by step, and one move.
 "use strict";
 const lrmMotion = (() => {
-  const { colour, layout, dots, CONFIG } = lrmChart;
-  const place = (id) => document.getElementById("lrm-" + id);
+  const { colour, dots, upright, named } = lrmChart, { place, options } = lrmElements;
   let values = null;
+
+  const draw = (id, traces, more) => lrmChart.draw(place(id), traces, { dragmode: "zoom", ...more });
+  const BELOW = { margin: { l: 64, r: 8, t: 8, b: 8 } }; // time is at the same place in charts below each other
 
   function drawSteps() {
     const steps = values.steps;
     const bars = { type: "bar", orientation: "h", y: steps.map((_, k) => k), x: steps.map((one) => one.error), showlegend: false,
       marker: { color: colour("model") }, text: steps.map((one) => one.words), textposition: "auto", hoverinfo: "skip" };
-    const noise = { type: "line", x0: values.noise, x1: values.noise, yref: "paper", y0: 0, y1: 1, line: { color: colour("ink"), dash: "dot" } };
-    Plotly.react(place("steps"), [bars], layout({ dragmode: "zoom", shapes: [noise],
+    draw("steps", [bars], { shapes: [upright(values.noise, { color: colour("ink"), dash: "dot" })],
       xaxis: { rangemode: "tozero", title: { text: `held-out error, ${values.unit} RMS<br>(dotted: noise of a reading)` } },
-      yaxis: { range: [steps.length - 0.5, -0.5], tickmode: "array", tickvals: steps.map((_, k) => k), ticktext: steps.map((one) => one.name), zeroline: false, showgrid: false },
-    }), CONFIG);
+      yaxis: { ...named(steps.map((one) => one.name)), showgrid: false } });
   }
 
   function drawMove() {
@@ -22,17 +22,12 @@ const lrmMotion = (() => {
     const time = { range: [x[0], x[x.length - 1]] };
     const line = (y, name, color, ink) => lrmChart.line(name, x, y, { color, width: 1.5, ...ink }, { hoverinfo: "all" });
     place("errors").textContent = `${what.label}, all moves: ${what.words[0]} before, ${what.words[1]} after (RMS)`;
-    Plotly.react(place("path"), [
+    draw("path", [
       line(move.told, "command", colour("line"), { width: 1, shape: "hv" }), dots(values.read, x, move.read, { color: colour("ink"), size: 4 }),
       line(move.before, "predicted before", colour("held")), line(move.after, "predicted after", colour("model")),
-    ], layout({ dragmode: "zoom", xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } }), CONFIG);
-    Plotly.react(place("left"), [line(move.left[0], "before", colour("held")), line(move.left[1], "after", colour("model"))],
-      layout({ dragmode: "zoom", xaxis: { ...time, title: { text: "time in the move, s" } },
-        yaxis: { title: { text: `reading − prediction, ${values.unit}` } } }), CONFIG);
-  }
-
-  function fill(list, names, chosen) {
-    list.replaceChildren(...names.map((name, k) => new Option(name, k, k === chosen, k === chosen)));
+    ], { ...BELOW, xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } });
+    draw("left", [line(move.left[0], "before", colour("held")), line(move.left[1], "after", colour("model"))],
+      { ...BELOW, xaxis: { ...time, title: { text: "time in the move, s" } }, yaxis: { title: { text: `reading − prediction, ${values.unit}` } } });
   }
 
   function redraw() {
@@ -40,15 +35,19 @@ const lrmMotion = (() => {
     drawMove();
   }
 
+  const choose = (id, names, first, then) => { options(id, names.map((name, k) => [k, name]), first).onchange = then; };
+
   function show(given) {
     values = given;
-    fill(place("what"), values.what.map((one) => one.label), values.first);
-    const moves = () => { const one = values.what[place("what").value]; fill(place("move"), one.moves.map((m) => m.name), one.first); };
-    place("what").onchange = () => { moves(); drawMove(); };
-    place("move").onchange = drawMove;
+    const moves = () => {
+      const one = values.what[place("what").value];
+      choose("move", one.moves.map((m) => m.name), one.first, drawMove);
+      drawMove();
+    };
+    choose("what", values.what.map((one) => one.label), values.first, moves);
     moves();
-    lrmPlainPage(redraw);
-    redraw();
+    lrmAppearance(redraw);
+    drawSteps();
   }
 
   return { show };

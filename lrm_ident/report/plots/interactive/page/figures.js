@@ -6,54 +6,17 @@
 function lrmShared() {
   const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null, size: 0,
     worst: false, paired: false };
-  const place = (id) => document.getElementById("lrm-" + id);
   const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
   const words = (value, digits = 2) => value === null ? "–" : value.toFixed(digits);
   const norm = (v) => Math.hypot(v[0], v[1], v[2]);
   const rowOfPose = () => Math.max(state.values.pose.indexOf(state.pose), 0);
-
-  // Fills an element with HTML; one that shows it already is left alone, with what a person has unfolded in it.
-  const filled = new WeakMap();
-  function fill(id, content) {
-    const box = place(id), html = String(content);
-    if (filled.get(box) !== html) box.innerHTML = html;
-    filled.set(box, html);
-    return box;
-  }
-
-  function options(id, entries, value) {
-    fill(id, lrmHtml`${entries.map(([key, text]) => lrmHtml`<option value="${key}">${text}</option>`)}`).value = value;
-  }
-
-  return { state, scenes: {}, place, fill, options, emit, words, norm, rowOfPose };
-}
-
-// Paper is light, and gets every figure in full, also those that were not in view yet.
-function lrmPrint(page) {
-  const PAPER_RATIO = 3;
-  const { state, scenes } = page;
-
-  function print(begin) {
-    if (begin) print.theme = document.documentElement.dataset.theme;
-    const field = document.getElementById("panel-field"), cards = document.getElementById("panel-cards");
-    if (begin) { [print.before, print.of] = [field.nextSibling, field.parentNode]; cards.after(field); } // paper: cards first
-    else if (print.of) print.of.insertBefore(field, print.before);
-    for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
-    page.theme(begin ? "light" : print.theme);
-    if (window.Plotly) page.drawAll();
-    lrmChart.onPaper(begin);
-    for (const one of Object.values(scenes)) one.draw();
-  }
-  window.addEventListener("beforeprint", () => { if (state.values) print(true); });
-  window.addEventListener("afterprint", () => { if (state.values) print(false); });
-  return { print };
+  return { ...lrmElements, state, scenes: {}, emit, words, norm, rowOfPose };
 }
 
 const lrm = (() => {
-  const PAIR_PX = 600;
-  const page = lrmShared(), { state, norm } = page;
-  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField,
-    lrmControls, lrmPrint]) Object.assign(page, part(page));
+  const PAIR_PX = 600, PAPER_RATIO = 3;
+  const page = lrmShared(), { state, scenes, norm } = page;
+  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField, lrmControls]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
 
   function redraw() {
@@ -104,12 +67,20 @@ const lrm = (() => {
     }).then(show);
   }
 
-  page.theme = (name) => {
-    document.documentElement.dataset.theme = name;
-    redraw();
-  };
+  // On paper the cards come before the arm, which is drawn finer.
+  let place = null;
+  function arrange(paper) {
+    const [field, cards] = ["field", "cards"].map((name) => document.getElementById("panel-" + name));
+    if (paper) { place = [field.parentNode, field.nextSibling]; cards.after(field); } else if (place) place[0].insertBefore(field, place[1]);
+    for (const one of Object.values(scenes)) one.ratio = paper ? PAPER_RATIO : 0;
+  }
+  function finish() {
+    if (window.Plotly) page.drawAll();
+    for (const one of Object.values(scenes)) one.draw();
+  }
 
-  const { theme, print, rover, nextPoses, soon: ready, resize, brush, hover, scenes } = page;
+  const { theme, print } = lrmAppearance(redraw, arrange, finish);
+  const { rover, nextPoses, soon: ready, resize, brush, hover } = page;
   return { show, load, theme, print, rover, nextPoses, ready, resize, choose, showStep, brush, hover, state, scenes };
 })();
 window.lrm = lrm;

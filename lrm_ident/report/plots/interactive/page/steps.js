@@ -78,7 +78,7 @@ function lrmSteps(page) {
     const fall = `${card.fall} mm`.replaceAll(" ", "\u00a0"), one = card.equivalent.length ? "If it is this one: " : "";
     const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
     const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${words(card.ratio)} times as much squared error stays unexplained, so another cause may stand behind it.`;
-    const rivals = lrmHtml`<h4>${card.equivalent.length ? "What else it could be" : "The other candidates, and why they were not taken"}</h4>
+    const rivals = lrmHtml`<h4>${card.equivalent.length ? "What else it could be" : "The other candidates"}, and what each alone would have left</h4>
       <ul>${card.rivals.map((rival) => lrmHtml`<li>${rival.title} (${rival.name}): ${rival.why}</li>`)}</ul>`;
     return lrmHtml`<article class="lrm-card-of-step"><h3>${card.number}. ${named(card)}: ${fall}${card.label ? lrmHtml` <span class="lrm-label lrm-shows-${card.shows}">${card.label}</span>` : ""}</h3>
       <div class="lrm-card-says">${lrmSketch(card.sketch)}

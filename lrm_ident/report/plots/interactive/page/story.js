@@ -22,14 +22,15 @@ function lrmStory(page) {
     const steps = story.steps, end = steps[steps.length - 1], added = one && one.gain !== null;
     const later = Math.max(...steps.slice(1).map((step) => step.rms_mm)), most = Math.max(...steps.map((step) => step.rms_mm));
     const scale = most > TORN * later ? ROOM * later : most, noise = story.noise_rms_mm ?? story.noise_bound_rms_mm ?? null;
+    const dotted = "measurement noise" + (story.noise_rms_mm === null ? ", at most" : "");
     const other = end.deployed_rms_mm !== null && words(end.deployed_rms_mm) !== words(end.rms_mm);
     const ends = [["as deployed", other ? end.deployed_rms_mm : null], ["nested", story.nested_rms_mm],
-      [story.noise_rms_mm === null ? "noise at most" : "measurement noise", noise]].filter(([, mm]) => mm !== null);
+      [dotted, noise]].filter(([, mm]) => mm !== null);
     const rows = [...steps.map((step) => ({ ...step, note: v.history[step.number]?.here === false ? "fitted to other data" : "" })),
       ...(added ? [{ title: `if added: ${one.title}`, kind: "if added", number: null, left: one.held, rms_mm: one.heldOut, before_rms_mm: end.rms_mm }] : []),
       ...ends.map(([title, mm]) => ({ title, kind: "end", number: null, left: words(mm), rms_mm: mm, before_rms_mm: mm }))];
     const what = [`RMS error ${story.held_out ? `${v.unseen} (held-out)` : "on these data"}, mm. Pale: error that remains. Solid: error taken away.`,
-      added ? "Hatched: what the chosen effect would take away." : "", noise === null ? "" : "Dotted line: measurement noise.",
+      added ? "Hatched: what the chosen effect would take away." : "", noise === null ? "" : `Dotted line: ${dotted}.`,
       scale < most ? "Bars with a gap are cut short." : ""].filter(Boolean).join(" ");
     const box = fill("story", lrmHtml`<ol class="lrm-waterfall" style="--noise: ${noise === null ? "-10%" : 100 * Math.min(noise / scale, 1) + "%"}">${rows.map((each) => row(each, scale))}</ol>
       <p class="lrm-small lrm-soft">${what}</p>`);

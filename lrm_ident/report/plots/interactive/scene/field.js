@@ -10,7 +10,8 @@ function lrmField(page) {
     document.documentElement.classList.toggle("lrm-beside", both);
     drawStep("field", both ? Math.min(state.step, state.beside) : state.step, !both); // before left, after right
     if (both) drawStep("field-b", Math.max(state.step, state.beside), true);
-    place("scale").textContent = v.scale.words + (v.solids.shaped ? "" : "; links drawn as tubes: the arm's file has no shapes");
+    place("scale").textContent = v.scale.words + " Solid arm: the model at the ringed pose. Outline: the nominal arm." +
+      (v.solids.shaped ? "" : " Links are drawn as tubes: the arm's file has no shapes.");
   }
 
   // The arrows go from those of another step to those of the step shown; at once where motion is not wished.

@@ -2,7 +2,7 @@
 // A canvas needs no graphics card, and is on paper what it is on the screen. All lengths in mm.
 "use strict";
 const lrmScene = (() => {
-  const { colour, ring, frame, lettering } = lrmPen;
+  const { colour, ring, frame } = lrmPen;
   const scenes = new Set();
 
   // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together.
@@ -56,11 +56,11 @@ const lrmScene = (() => {
 
   // A scene in an element. `on.hover(row)`, `on.toggle(row)`, `on.mark(rows)`: what a person does with its dots.
   function scene(element, on) {
-    const screen = layer(), floor = layer(), still = layer(), sheet = layer(), canvas = screen.canvas;
+    const screen = layer(), floor = layer(), still = layer(), sheet = layer(), canvas = screen.canvas, title = document.createElement("p");
     canvas.tabIndex = 0;
-    canvas.className = "lrm-canvas";
+    [canvas.className, title.className] = ["lrm-canvas", "lrm-scene-title"];
     canvas.setAttribute("role", "img");
-    element.replaceChildren(canvas);
+    element.replaceChildren(title, canvas);
     const self = { canvas, content: null, dots: [], drag: null, draw, show, later, point, ratio: 0,
       seen: (row) => !self.content.rows || self.content.rows.has(row) || Boolean(self.content.marked && self.content.marked.has(row)) };
     let asked = 0, stale = true, at = null, things = [];
@@ -101,6 +101,7 @@ const lrmScene = (() => {
     function paintStill(width, height, size, ratio) {
       const c = self.content, ground = cleared(floor, size, ratio), pen = cleared(still, size, ratio);
       stale = false;
+      title.textContent = c.title;
       canvas.setAttribute("aria-label", `${c.title}; arrow keys turn it, plus and minus zoom, 0 resets`);
       at = projection(c.box, width, height);
       lrmAxes.ground(ground, c.box, at);
@@ -109,8 +110,6 @@ const lrmScene = (() => {
       things = lrmArrows.things(c, at, self.dots, self.seen);
       for (const thing of things) thing.put(pen);
       if (c.bar) lrmAxes.bar(pen, width, height, c.largest, lrmArrows.steps(c.colours));
-      lettering(pen, 12, "ink", "left", "top");
-      pen.fillText(c.title, 6, 4, width - 12);
     }
 
     wire(canvas, self, on);

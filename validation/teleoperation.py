@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pyarrow
-import pyarrow.parquet as parquet
 
 from lrm_math.arrays import Array
+from validation.lerobot_dataset import FPS, Recording, encoder_readings
 from validation.synthetic import ArmDescription, GroundTruth, load_arm, true_state
 
-FPS, EPISODES, STOPS = 30, 5, 16
+EPISODES, STOPS = 5, 16
 JOINTS = 5
-COUNT_DEG = 360.0 / 4096.0
-FLICKER_COUNTS = 0.4
-"""Standard deviation of a reading before it is rounded."""
 TREMOR_DEG, LAG_S = 0.05, 0.08
 CAUSES = ("droop", "dead band", "offset", "drift", "slip")
 
@@ -35,16 +30,6 @@ class FollowingArm:
     warming_s: float
     slip: Array
     slipped_s: float
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """N frames: `action`, `state` (N, 5), deg; time in the episode (s), episode."""
-
-    action: Array
-    state: Array
-    t: Array
-    episode: Array
 
 
 def sound_arm(rng: np.random.Generator) -> FollowingArm:
@@ -85,7 +70,7 @@ def recorded(arm: FollowingArm, rng: np.random.Generator) -> Recording:
     for episode in range(EPISODES):
         lead = _hand(rng)
         state = _followed(arm, lead, begun, rng)
-        action = _read(lead, rng)
+        action = encoder_readings(lead, rng)
         t = np.arange(len(lead)) / FPS
         parts.append((action, state, t, np.full(len(t), episode)))
         begun += t[-1]
@@ -116,55 +101,18 @@ def _followed(arm: FollowingArm, lead: Array, begun: float, rng: np.random.Gener
         towards = np.clip(shaft, due - 0.5 * arm.band, due + 0.5 * arm.band)  # it stops as soon as it is within
         shaft = shaft + (towards - shaft) * (1.0 - np.exp(-1.0 / FPS / LAG_S))
         out.append(shaft)
-    return _read(np.array(out), rng)
+    return encoder_readings(np.array(out), rng)
 
 
 def _torque(q_deg: Array) -> Array:
     """(N, 5), N·m, gravity's on the joints: every fifth frame by the independent generator, straight between."""
-    arm = _described()
+    arm = described_so101()
     rows = np.unique(np.r_[np.arange(0, len(q_deg), 5), len(q_deg) - 1])
     tau = true_state(arm, GroundTruth.nominal(arm), np.radians(q_deg[rows])).tau_nm
     return np.stack([np.interp(np.arange(len(q_deg)), rows, column) for column in tau.T], axis=1)
 
 
 @cache
-def _described() -> ArmDescription:
-    return load_arm(Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml")
-
-
-def _read(angles: Array, rng: np.random.Generator) -> Array:
-    counts = angles / COUNT_DEG + rng.normal(scale=FLICKER_COUNTS, size=angles.shape)
-    return np.asarray(np.round(counts) * COUNT_DEG)
-
-
-NAMES = [
-    f"{name}.pos" for name in ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
-]
-VERSIONS = ("v2.1", "v3.0")
-
-
-def write_dataset(folder: Path, made: Recording, version: str) -> Path:
-    """Writes it; its folder."""
-    features = {name: {"dtype": "float32", "shape": [6], "names": NAMES} for name in ("action", "observation.state")}
-    info = {"codebase_version": version, "fps": FPS, "robot_type": "so101_follower", "features": features}
-    data = folder / "data" / "chunk-000"
-    data.mkdir(parents=True)
-    (folder / "meta").mkdir()
-    (folder / "meta" / "info.json").write_text(json.dumps(info))
-    table = pyarrow.table(
-        {
-            "action": pyarrow.array([[*row, 20.0] for row in made.action.tolist()], pyarrow.list_(pyarrow.float32())),
-            "observation.state": pyarrow.array(
-                [[*row, 20.0] for row in made.state.tolist()], pyarrow.list_(pyarrow.float32())
-            ),
-            "timestamp": pyarrow.array(made.t, pyarrow.float32()),
-            "episode_index": pyarrow.array(made.episode, pyarrow.int64()),
-        }
-    )
-    if version == "v3.0":
-        parquet.write_table(table, data / "file-000.parquet")
-        return folder
-    for episode in sorted(set(made.episode.tolist())):
-        rows = made.episode == episode
-        parquet.write_table(table.filter(pyarrow.array(rows)), data / f"episode_{episode:06d}.parquet")
-    return folder
+def described_so101() -> ArmDescription:
+    """As the independent generator reads it."""
+    return load_arm(Path(__file__).resolve().parents[1] / "config" / "arms" / "so101.toml")
