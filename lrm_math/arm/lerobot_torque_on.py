@@ -34,7 +34,7 @@ def torque_on_where_they_stand(robot: Any) -> None:
 
     def enabled(motors: Any = None, num_retry: int = 0) -> None:
         names = [motors] if isinstance(motors, str) else list(bus.motors if motors is None else motors)
-        own = [name for name in names if FEETECH <= tables[bus.motors[name].model].keys()]
+        own = [name for name in names if tables[bus.motors[name].model].keys() >= FEETECH]
         to_angles = [name for name in own if bus.read(MODE, name, normalize=False) == TO_ANGLES]
         for name, goal in {name: _goal(bus, name) for name in to_angles}.items():
             bus.write("Goal_Position", name, goal, normalize=False, num_retry=num_retry)

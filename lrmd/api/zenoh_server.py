@@ -30,8 +30,7 @@ class RequestHandler(Protocol):
     boot_id: str
 
     def handle(self, tail: str, request: Message, came: int) -> Message:
-        """Carries a request out that `came` at a time (monotonic ns): the reply. Raises what `error_reply` makes a reply
-        of."""
+        """Carries a request out that `came` at a time (monotonic ns): the reply. Raises what `error_reply` takes."""
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Reports a refused command, which has no reply, as an event."""

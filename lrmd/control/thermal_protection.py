@@ -94,7 +94,9 @@ def _go_to_rest(s: ControllerState, now: int) -> None:
     held = s.held_at is not None and now - s.held_at < HOLD_TIME
     waits = s.rest_blocked and now - s.rest_tried_at < RETRY
     rest = _rest_pulses(s)
-    if rest is None or held or waits or _waits_after_reset(s) or s.going_to_rest or s.mode not in (*STATIONARY, Mode.MOVING):
+    if rest is None or held or waits or _waits_after_reset(s) or s.going_to_rest:
+        return
+    if s.mode not in (*STATIONARY, Mode.MOVING):
         return
     if not s.settled or (s.position == overlaid(s.position, rest) and s.mode is not Mode.MOVING):
         return

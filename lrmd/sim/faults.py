@@ -78,7 +78,7 @@ class ChipSilence(TimedFault):
 
 
 class ChipPowerLoss(TimedFault):
-    """Power loss of the PCA9685 alone: outputs off, then its registers are those of power-on. The board keeps running."""
+    """Power loss of the PCA9685 alone: outputs off, then registers as after power-on. The board keeps running."""
 
 
 @dataclass(frozen=True)

@@ -37,9 +37,9 @@ TOPIC_END, CLIENT_END = SenderEnd("MP", "/lrm/joint_trajectory"), SenderEnd("SC"
 class LiveDaemon(InMemoryDaemon):
     """A daemon whose time is real: a thread lets its ticks pass, and no look at its state does."""
 
-    def handle(self, tail: str, request: Message) -> Message:
+    def handle(self, tail: str, request: Message, came: int) -> Message:
         """A hold is answered when the ramp has read it, as by the api process."""
-        answer = super().handle(tail, request)
+        answer = super().handle(tail, request, came)
         if isinstance(request, HoldRequest):
             self.sim.settle()
         return answer

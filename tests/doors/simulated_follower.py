@@ -15,9 +15,10 @@ SIDES = ("left_", "right_")
 
 
 REGISTERS = {
-    "Torque_Enable": table.TORQUE_ENABLE, "Lock": LOCK, "Operating_Mode": table.MODE, "Torque_Limit": table.TORQUE_LIMIT,
-    "Goal_Position": table.GOAL_POSITION, "Present_Position": table.POSITION, "Min_Position_Limit": table.MIN_POSITION,
-    "Max_Position_Limit": table.MAX_POSITION, "Present_Temperature": table.TEMPERATURE,
+    "Torque_Enable": table.TORQUE_ENABLE, "Lock": LOCK, "Operating_Mode": table.MODE,
+    "Torque_Limit": table.TORQUE_LIMIT, "Goal_Position": table.GOAL_POSITION, "Present_Position": table.POSITION,
+    "Min_Position_Limit": table.MIN_POSITION, "Max_Position_Limit": table.MAX_POSITION,
+    "Present_Temperature": table.TEMPERATURE,
 }  # fmt: skip
 """Registers by LeRobot's names."""
 

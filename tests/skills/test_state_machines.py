@@ -11,6 +11,7 @@ import pytest
 from lrmd.client import Rover
 from lrmd.messages.skills import SkillName
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
+from tests.support.daemon.losing_daemon import LosingDaemon
 from tests.support.daemon.skilled_daemon import GOAL, AnsweringDaemon
 
 FETCH: list[tuple[SkillName, dict[str, Any]]] = [
@@ -83,6 +84,26 @@ def test_a_tree_that_is_interrupted_holds_the_arm(trees: Any, daemon: InMemoryDa
         root.tick_once()
     root.stop(trees.common.Status.INVALID)
     assert daemon.sim.core.mode == "holding"
+
+
+@pytest.mark.parametrize("lost", ["rpc/skill", "state/skill"])
+def test_a_behaviour_that_knows_nothing_of_its_skill_has_the_arm_hold(trees: Any, lost: str) -> None:
+    """Its reply is lost, and the skill begun."""
+    from lrm_skills.behaviours import SkillBehaviour
+
+    daemon = LosingDaemon(AnsweringDaemon())
+    with daemon.reachable(), Rover(daemon.sim.config.robot) as rover, rover.control("tree", take=True):
+        behaviour = SkillBehaviour(rover, "stow", q_rad=[1.0] * 6)
+        if lost == "state/skill":
+            while daemon.sim.core.mode != "moving":
+                behaviour.tick_once()
+        daemon.lost = lost
+        behaviour.tick_once()
+        assert (behaviour.status, behaviour.outcome) == (trees.common.Status.FAILURE, "stopped")
+        daemon.sim.run(5)
+        there = daemon.sim.ramp.position
+        daemon.sim.run(300)
+        assert (daemon.sim.core.mode, daemon.sim.ramp.position) == ("holding", there)
 
 
 def test_a_fetch_as_a_rafcon_state_machine(tmp_path: Path, daemon: InMemoryDaemon, rover: Rover) -> None:

@@ -151,14 +151,11 @@ def connected_robot(text: str) -> Iterator[Any]:
         try:
             robot.connect(calibrate=False)
             break
-        except (ConnectionError, RuntimeError, OSError) as error:
+        except (ConnectionError, RuntimeError, OSError, LrmError) as error:
             if robot.is_connected:
                 robot.disconnect()
-            if not left:
+            if not left or isinstance(error, LrmError):
                 raise LrmError(f"--robot {text}: {_one_line(error)}") from None
-        except LrmError as error:
-            robot.disconnect()
-            raise LrmError(f"--robot {text}: {error}") from None
     try:
         if not robot.is_calibrated:
             raise LrmError(f"--robot {text}: its motors are not calibrated as its file says; run lerobot-calibrate")

@@ -332,7 +332,7 @@ def test_a_reset_of_a_hot_arm_moves_nothing_and_the_next_motion_brings_it_to_res
     sim.seconds(0.5)
     assert (sim.core.mode, sim.ramp.position) == (Mode.HOLDING, there)
     assert sim.codes().count("rest_waits") == 1
-    with pytest.raises(RequestError, match="would hold 0.89 instead of 0.43 Nm"):
+    with pytest.raises(RequestError, match=r"would hold 0\.89 instead of 0\.43 Nm"):
         sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": 0.0}]))
     sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": -0.65}]))
     sim.seconds(4)

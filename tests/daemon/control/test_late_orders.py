@@ -20,7 +20,8 @@ from lrmd.messages.inbox import Inbox
 from lrmd.messages.skills import SkillRequest
 from tests.support.daemon.armed_daemon import ArmedDaemon
 from tests.support.daemon.in_memory_daemon import config_at
-from tests.support.daemon.in_memory_zenoh import FakeReply, FakeZenohSession, InMemoryDaemon
+from tests.support.daemon.in_memory_zenoh import FakeZenohSession
+from tests.support.daemon.losing_daemon import LosingDaemon
 
 NEAR = {"joint1": 0.1}
 
@@ -101,28 +102,6 @@ def test_a_message_that_waits_behind_another_counts_from_when_it_came() -> None:
     assert handler.came[0] <= handler.came[1] <= inbox.came
 
 
-class LosingDaemon(InMemoryDaemon):
-    """Whose replies to one request are `lost`; what was asked is done, or `delayed`."""
-
-    def __init__(self, sim: ArmedDaemon) -> None:
-        super().__init__(sim)
-        self.lost, self.delays, self.delayed = "", False, list[tuple[str, bytes]]()
-        self._get, self.session.get = self.session.get, self._losing  # type: ignore[method-assign]
-
-    def _losing(self, key: str, payload: bytes = b"", **more: Any) -> list[FakeReply]:
-        if not self.lost or not key.endswith(self.lost):
-            return self._get(key, payload, **more)
-        if self.delays:
-            self.delayed.append((key, payload))
-        else:
-            self._get(key, payload, **more)
-        return []
-
-    def arrives(self) -> list[FakeReply]:
-        """The delayed request arrives: its replies."""
-        return self._get(*self.delayed.pop())
-
-
 @pytest.fixture
 def losing(sim: ArmedDaemon) -> LosingDaemon:
     return LosingDaemon(sim)
@@ -159,9 +138,7 @@ def test_where_a_reply_is_lost_the_arm_holds(losing: LosingDaemon, rover: Rover,
 
 
 @pytest.mark.parametrize("tail", ["rpc/move", "rpc/skill", "rpc/arm"])
-def test_an_order_that_comes_after_its_sender_gave_up_is_refused(
-    losing: LosingDaemon, rover: Rover, tail: str
-) -> None:
+def test_an_order_that_comes_after_its_sender_gave_up_is_refused(losing: LosingDaemon, rover: Rover, tail: str) -> None:
     losing.lost, losing.delays = tail, True
     with pytest.raises(NoReply):
         ask(rover, tail)

@@ -156,7 +156,7 @@ class InMemoryDaemon:
             self.server.publish_event(event.code, self.published[-1])
         self.sim.core.events.clear()
 
-    def handle(self, tail: str, request: Message, came: int) -> Message:  # noqa: ARG002
+    def handle(self, tail: str, request: Message, came: int) -> Message:
         self.sim.settle()
         result = self.sim.core.handle(request, self.sim.now)
         self._flush()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
 
 import pytest
 
@@ -32,13 +31,13 @@ class FallingServo(GoalKeepingServo):
 
 
 @pytest.fixture
-def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[SimulatedFollower]:
+def robot(monkeypatch: pytest.MonkeyPatch) -> SimulatedFollower:
     made = SimulatedFollower(NAMES, [FallingServo(number) for number in range(1, 6)])
     for servo in made.bus.servos.values():
         servo.angle = (1500 - MIDDLE) * STEP
         table.GOAL_POSITION.write(servo.memory, OLD_GOAL)
     monkeypatch.setattr(lerobot_robot, "robot_of", lambda _: made)
-    yield made
+    return made
 
 
 def turned(robot: SimulatedFollower) -> float:
@@ -57,9 +56,9 @@ def test_a_campaign_gives_torque_where_the_motors_stand_whatever_their_old_goals
 
 def test_where_one_stands_beyond_its_limits_none_gets_torque(robot: SimulatedFollower) -> None:
     table.MIN_POSITION.write(robot.bus.servos["elbow_flex"].memory, 1700)
-    with pytest.raises(LrmError, match="^--robot lerobot:so101_follower: elbow_flex stands at -48.2 deg, 17.6 deg bey"):
-        with connected_robot(ROBOT):
-            pass
+    said = r"^--robot lerobot:so101_follower: elbow_flex stands at -48\.2 deg, 17\.6 deg beyond its servo's own limits"
+    with pytest.raises(LrmError, match=said), connected_robot(ROBOT):
+        pass
     assert not any(servo.powered for servo in robot.bus.servos.values())
     assert turned(robot) < 1e-9
 
