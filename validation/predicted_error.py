@@ -17,6 +17,7 @@ import numpy as np
 from examples.demo.simulated_tracker import REST_SD_M
 from examples.so101.hidden_arm import ARM_FILE, NAMED, hidden_truth
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.design.candidate_poses import ANY, ClearanceRules, clear_poses, floor_above_table, parse_levels
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
@@ -59,7 +60,7 @@ def ratios(effect: str, seed: int, q: Array, goals: int, folder: Path) -> Iterat
     noise = rng.normal(scale=REST_SD_M, size=(len(q) + goals, 3))
     number = np.arange(1, len(q) + 1)
     tcp = tips(truth, q) + noise[: len(q)]
-    data = Measurements(poses_of(q), number, tcp, None, REST_SD_M, number, Path(effect), "so101", arm=ARM)
+    data = Measurements.of_tcp(poses_of(q), tcp, REST_SD_M, pose=number, source=Source(Path(effect), "so101", arm=ARM))
     study = Study.of(data).fit()
     wished = goals_named(str(goals), ARM, seed)
     for name, one in (("fit", study), (NAMED[effect][0], study.add(NAMED[effect][0]))):

@@ -323,7 +323,7 @@ def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:
 def _next_number(commanded: Poses | None, measured: Measurements | None) -> int:
     """The first number of a pose that no earlier one has, those left out included."""
     taken: Sequence[int] = () if commanded is None else commanded.names(np.arange(len(commanded)))
-    return max((0, *taken, *(() if measured is None else measured.left_out))) + 1
+    return max((0, *taken, *(() if measured is None else measured.source.left_out))) + 1
 
 
 def _weights(camera: CameraSession | None, alike: Measurements | None, arm: Arm) -> Callable[[Poses], Whitening]:

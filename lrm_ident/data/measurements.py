@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.rigid_motion import rotation_vectors, turned_covariance
+from lrm_ident.data.source import COMPUTED, Source
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
-from lrm_math.arm.arm import Arm
-from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
-from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium, with_borne_loads
 from lrm_math.model.model import Model
-from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rotation
 
 PER_POSE = ("pose", "tcp", "sd", "covariance", "attitude", "feedback", "distance", "distance_sd", "repeat_of")
@@ -55,12 +51,6 @@ class Measurements:
         sd: (N,), standard deviation of each position per axis (m), else of its distance, or None.
         noise_sd: standard deviation per axis for all poses (m), or None.
         repeat_of: (N,), number of the pose that a row repeats, else its own number.
-        notices: warnings about the file.
-        reading: how the file's numbers were read, where that was said.
-        stated: the same with the units of the columns' names.
-        left_out: numbers of poses that were taken out.
-        arm_name: of a shipped arm, or path of its file, as a model file or the one beside the data names it; None: the
-            arm's own name.
         covariance: (N, 6, 6), of position and rotation vector (m, rad), NaN where not stated; None without any.
         attitude: (N, 3, 3), rotation of the tool's frame, NaN where not measured; None where there is none to use.
         feedback: (N, n), what encoders read (rad), NaN where they did not; None where there is none to use.
@@ -68,7 +58,6 @@ class Measurements:
         distance: (N,), of the TCP from a fixed point (m), NaN where not measured; None where there is none to use.
         distance_sd: (N,), its standard deviation (m), or None. distance_from: (3,), that point (m); None: not known.
         touched: what `poses.placement` numbers from 1; empty where nothing was touched.
-        servos: settings of the servos that were measured with; None: not known.
         model_sd: standard deviation per axis by which a model misses positions whatever their noise (m).
     """
 
@@ -78,14 +67,7 @@ class Measurements:
     sd: Array | None
     noise_sd: float | None
     repeat_of: NDArray[np.int64]
-    path: Path
-    sha256: str
-    notices: tuple[str, ...] = ()
-    arm: Arm | None = None
-    reading: Reading = AS_NAMED
-    stated: Reading = AS_NAMED
-    left_out: tuple[int, ...] = ()
-    arm_name: str | None = None
+    source: Source = COMPUTED
     covariance: Array | None = None
     attitude: Array | None = None
     feedback: Array | None = None
@@ -94,12 +76,27 @@ class Measurements:
     distance_sd: Array | None = None
     distance_from: Array | None = None
     touched: tuple[TouchedFrame, ...] = ()
-    servos: ServoSettings | None = None
     model_sd: float = 0.0
     _complete: Measurements | None = None
 
+    @classmethod
+    def of_tcp(
+        cls,
+        poses: Poses,
+        tcp: Array,
+        noise_sd: float | None = None,
+        *,
+        sd: Array | None = None,
+        pose: NDArray[np.int64] | None = None,
+        repeat_of: NDArray[np.int64] | None = None,
+        source: Source = COMPUTED,
+    ) -> Measurements:
+        """Measured positions `tcp` (N, 3), m, of poses that are numbered from 1 where `pose` does not say otherwise."""
+        number = np.arange(1, len(tcp) + 1) if pose is None else pose
+        return cls(poses, number, tcp, sd, noise_sd, number if repeat_of is None else repeat_of, source)
+
     def __repr__(self) -> str:
-        of = "" if self.arm is None else f" of {self.arm.name}"
+        of = "" if self.source.arm is None else f" of {self.source.arm.name}"
         poses, joints = len(self), self.poses.q.shape[1]
         there = {
             "positions": len(self.positions) > 0,
@@ -115,7 +112,7 @@ class Measurements:
             "gravity": self.poses.gravity is not None,
         }
         columns = ", ".join(name for name, is_there in there.items() if is_there)
-        return f"<Measurements{of}: {poses} poses, {joints} joints; {columns}; {self.path.name}>"
+        return f"<Measurements{of}: {poses} poses, {joints} joints; {columns}; {self.source.path.name}>"
 
     @cached_property
     def whitening(self) -> Whitening:
@@ -208,6 +205,10 @@ class Measurements:
             parts.append((self.distance - length)[:, None])
         return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
 
+    def noting(self, *notices: str) -> Measurements:
+        """The same with more warnings about where they come from."""
+        return replace(self, source=self.source.noting(*notices))
+
     @property
     def complete(self) -> Measurements:
         """These measurements with the poses that were left out."""
@@ -248,14 +249,14 @@ class Measurements:
     def without(self, numbers: Sequence[int]) -> Measurements:
         """Leaves the poses of these numbers out, which `left_out` then names too."""
         gone = np.isin(self.pose, numbers)
-        left_out = tuple(sorted({*self.left_out, *self.pose[gone].tolist()}))
-        return replace(self.take(~gone), left_out=left_out, _complete=self.complete)
+        left_out = tuple(sorted({*self.source.left_out, *self.pose[gone].tolist()}))
+        return replace(self.take(~gone), source=replace(self.source, left_out=left_out), _complete=self.complete)
 
     def only(self, numbers: Sequence[int]) -> Measurements:
         """The poses of these numbers alone. Raises `FileError` if there are none."""
         chosen = np.isin(self.pose, numbers)
         if not chosen.any():
-            raise FileError(self.path, "", "no poses that the fit left out", "--left-out is of the fit's own data")
+            raise self.source.fault("no poses that the fit left out", "--left-out is of the fit's own data")
         return self.take(chosen)
 
 

@@ -27,7 +27,7 @@ class DatasetCheck:
     @classmethod
     def of(cls, data: Measurements, metadata: Metadata | None) -> DatasetCheck:
         """The check of some measurements and the metadata beside them. Raises `FileError`."""
-        table = read_table(data.path)
+        table = read_table(data.source.path)
         stated = tuple(column.stated for column in table.columns)
         faults = card_faults(metadata.card if metadata else None)
         if metadata is None or metadata.arm is None:
@@ -56,7 +56,7 @@ def dataset_document(found: DatasetCheck) -> Document:
         ("columns", ", ".join(found.columns)),
         *((name, value if isinstance(value, str) else ", ".join(value)) for name, value in stated.items() if value),
     ]
-    blocks: list[Block] = [heading(verdict), ResultTable(("what", "is"), rows, data.path.name)]
+    blocks: list[Block] = [heading(verdict), ResultTable(("what", "is"), rows, data.source.path.name)]
     if found.faults:
         blocks.append(ResultTable(("missing", "what would be right"), tuple(found.faults.items())))
     values = {
@@ -66,6 +66,6 @@ def dataset_document(found: DatasetCheck) -> Document:
         "columns": found.columns,
         "card": found.card.model_dump(exclude_none=True),
         "missing": dict(found.faults),
-        "sha256": data.sha256,
+        "sha256": data.source.sha256,
     }
     return Document(blocks, "lrm/dataset-check/1", values)

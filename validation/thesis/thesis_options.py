@@ -122,7 +122,9 @@ def run_options(
         LrmError: too few or rank-deficient poses, or a fit that does not converge.
     """
     if len(data.positions) < len(data):
-        raise FileError(data.path, "", "the thesis's options need a position of every pose", "use fit and compare")
+        raise FileError(
+            data.source.path, "", "the thesis's options need a position of every pose", "use fit and compare"
+        )
     nominal = nominal_model(arm)
     equilibrium = solve_equilibrium(nominal, data.poses)
     rows: dict[str, Rows] = {}

@@ -23,6 +23,7 @@ from lrm_ident.data.measurement_file.measured_columns import read_feedback, with
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -68,14 +69,16 @@ def read_measured(
         sd=None,
         noise_sd=None if noise_sd is None else noise_sd * MM,
         repeat_of=table.integers("repeat_of"),
-        path=path,
-        sha256=table.cells.sha256,
-        notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
-        arm=arm,
-        arm_name=said.metadata.arm or None,
-        servos=said.metadata.servos,
-        reading=said.how,
-        stated=said.how.over(units),
+        source=Source(
+            path=path,
+            sha256=table.cells.sha256,
+            notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
+            arm=arm,
+            arm_name=said.metadata.arm or None,
+            servos=said.metadata.servos,
+            reading=said.how,
+            stated=said.how.over(units),
+        ),
     )
     touched = with_touches(data, table, said.metadata)
     if touched.touched and said.how.frame is not None:

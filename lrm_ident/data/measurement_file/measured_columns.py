@@ -76,7 +76,7 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
         distance=distance,
         distance_sd=distance_sd,
         distance_from=None if distance is None or start is None else np.array(start) * MM,
-        notices=(*data.notices, *notices),
+        source=data.source.noting(*notices),
     )
 
 
@@ -156,7 +156,7 @@ def read_feedback(table: NumberTable) -> Array | None:
 def _noise(data: Measurements, sd: Array | None) -> Iterator[str]:
     """Doubts about standard deviations: of the column `sd` (N,), or else of the file beside the data."""
     name, usual = ("noise_sd_mm", data.noise_sd or 0.0) if sd is None else ("sd_mm", float(np.median(sd)))
-    if data.arm is not None and 0.0 < usual < FINEST * reach(data.arm):
+    if data.source.arm is not None and 0.0 < usual < FINEST * reach(data.source.arm):
         mm = usual / MM
         yield f"{name} is {mm:.3g} mm: no tracker is so exact; were it in metres, it would be {mm * 1e3:.3g} mm"
     if sd is not None and data.noise_sd is not None:
@@ -172,7 +172,7 @@ def without_lost(data: Measurements) -> Measurements:
     if not lost.any():
         return data
     if lost.all():
-        raise FileError(data.path, "", "every position is 0, 0, 0", "was the tracker on?")
+        raise data.source.fault("every position is 0, 0, 0", "was the tracker on?")
     count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
     return _left_out(data, lost, f"{count}, and left out")
 
@@ -193,4 +193,4 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
 def _left_out(data: Measurements, rows: NDArray[np.int64] | NDArray[np.bool_], why: str) -> Measurements:
     """The measurements without some rows, with a notice that says why and names their poses."""
     gone = data.pose[rows]
-    return replace(data.without(gone.tolist()), notices=(*data.notices, f"{why}: {pose_words(gone)}"))
+    return data.without(gone.tolist()).noting(f"{why}: {pose_words(gone)}")

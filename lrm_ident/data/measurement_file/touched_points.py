@@ -64,7 +64,7 @@ def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> 
         raise FileError(path, "", what, f"at most {MOST_PLACEMENTS}; state the points' places in [points]")
     tcp = np.array([known.get(name, np.zeros(3)) for name in names])
     touched = replace(data, tcp=tcp, poses=replace(data.poses, placement=number), touched=frames)
-    return replace(touched, notices=(*data.notices, *_notices(touched)))
+    return touched.noting(*_notices(touched))
 
 
 def require_points(cells: CsvTable, metadata: Metadata) -> None:
@@ -115,13 +115,13 @@ def without_lone(data: Measurements) -> Measurements:
     lone = np.bincount(placement)[placement] < LEAST_TOUCHES
     if lone.all():
         right = "touch each point again from other sides, or state the points' places in [points]"
-        raise FileError(data.path, "", "every point was touched once only, which says nothing", right)
+        raise data.source.fault("every point was touched once only, which says nothing", right)
     if not lone.any():
         return data
     gone = data.pose[lone].tolist()
     notice = f"touched once, which says nothing; left out: pose {enumerate_words([str(n) for n in gone], 8)}"
     kept = data.touched[: int(placement[~lone].max())]
-    return replace(data.without(gone), touched=kept, notices=(*data.notices, notice))
+    return replace(data.without(gone), touched=kept).noting(notice)
 
 
 def known_points(path: object, metadata: Metadata, touched: Mapping[str, object]) -> dict[str, Array]:

@@ -13,7 +13,6 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 from lrm_math.effects.tracker_errors import Anchor
-from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
@@ -40,12 +39,12 @@ def with_anchor(model: Model, data: Measurements) -> Model:
     rows = np.flatnonzero(~np.isnan(data.distance))
     if len(rows) < FEWEST:
         what = f"{len(rows)} distances from a point that is not stated"
-        raise FileError(data.path, "", what, "state distance_from_mm in the file beside the data, or measure more")
+        raise data.source.fault(what, "state distance_from_mm in the file beside the data, or measure more")
     point, left = trilaterate(solve_equilibrium(model, data.poses.take(rows)).true_tcp, data.distance[rows])
     spread = float(data.distance[rows].std())
     if left > MAX_RELATIVE_ERROR * spread:
         what = f"from no point would {model.arm.name} miss the distances by less than {left * 1e3:.3g} mm RMS"
-        raise FileError(data.path, "", what, "are the unit of distance_mm and the joints right, and is it this arm?")
+        raise data.source.fault(what, "are the unit of distance_mm and the joints right, and is it this arm?")
     known |= dict(zip(keys, point.tolist(), strict=True))
     effects = model.effects if anchors else (*model.effects, anchor)
     free = (*model.free, *(key for key in keys if key not in model.free))

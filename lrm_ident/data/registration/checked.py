@@ -53,7 +53,7 @@ class Misread(FileError):
     """Measurements that their arm cannot have made as they were read; carries the `check` of the comparison."""
 
     def __init__(self, data: Measurements, check: ReadingCheck, arm: Arm) -> None:
-        self.check, path, stated = check, data.path, data.stated
+        self.check, path, stated = check, data.source.path, data.source.stated
         missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
         if not check.found and (moved := _moved_words(arm, data, check)):
             super().__init__(path, "", f"{missed}; {moved[0]}", moved[1])
@@ -88,7 +88,7 @@ def load_checked(
     for pose, error in beyond:
         if pose in chosen.pose:
             raise error
-    found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
+    found = in_arm_frame(arm, data.noting(*notices))
     check_attitude(arm, found)
     return found
 
@@ -112,7 +112,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
             f"as read, {arm.name} misses the positions by {_millimetres(check.read)}, more than an assembled arm does"
         )
         return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
-    words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.stated)})"
+    words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.source.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 
 
@@ -122,8 +122,8 @@ def _check_distances(arm: Arm, data: Measurements) -> None:
         missed, found = misread
         what = f"as read, {arm.name} misses the distances by {missed / MM:.3g} mm"
         if found is None:
-            raise FileError(data.path, "", what, "are their unit, their fixed point and the joints right, and the arm?")
-        raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
+            raise data.source.fault(what, "are their unit, their fixed point and the joints right, and the arm?")
+        raise data.source.fault(f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.source.stated)}")
 
 
 def _check_touches(arm: Arm, data: Measurements) -> None:
@@ -133,30 +133,28 @@ def _check_touches(arm: Arm, data: Measurements) -> None:
         what = f"as read, {arm.name} misses the points that it touched by {missed / MM:.3g} mm"
         if found is None:
             right = "are the names of the points, their places and the joints right, and is it this arm?"
-            raise FileError(data.path, "", what, right)
-        raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
+            raise data.source.fault(what, right)
+        raise data.source.fault(f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.source.stated)}")
 
 
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
     """Measurements in an unknown frame, and touched points, registered to the arm's; others as they are."""
     if data.touched:
         return in_frame_of_touches(arm, data)
-    if data.reading.frame != "unknown":
+    if data.source.reading.frame != "unknown":
         return data
     rows = compared_rows(data)
     if not len(rows):
         right = "leave it out; state distance_from_mm in the arm's frame, or not at all"
-        raise FileError(data.path, "", "distances alone do not determine the frame that they are in", right)
+        raise data.source.fault("distances alone do not determine the frame that they are in", right)
     motion = registered(arm, data.poses.take(rows), data.tcp[rows])[1]
     frame = frame_table(motion.rotation, motion.translation)
     angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(motion.rotation)) - 1.0) / 2.0))))
     distance = float(np.linalg.norm(motion.translation)) / MM
-    return replace(
-        data.turned(*rigid_motion(frame)),
-        reading=data.reading.model_copy(update={"frame": frame}),
-        stated=data.stated.model_copy(update={"frame": frame}),
-        notices=(*data.notices, f"registered to the arm: turned by {angle:.1f} deg and moved by {distance:.1f} mm"),
-    )
+    reading, stated = (said.model_copy(update={"frame": frame}) for said in (data.source.reading, data.source.stated))
+    source = replace(data.source, reading=reading, stated=stated)
+    turned = replace(data.turned(*rigid_motion(frame)), source=source)
+    return turned.noting(f"registered to the arm: turned by {angle:.1f} deg and moved by {distance:.1f} mm")
 
 
 def remedy(hypothesis: Hypothesis, stated: Reading) -> str:
@@ -202,13 +200,13 @@ def check_attitude(arm: Arm, data: Measurements) -> None:
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:
         return
-    found = min(_readings(measured, drawn, motion_of(data.reading)[0]), key=lambda reading: reading[0])
+    found = min(_readings(measured, drawn, motion_of(data.source.reading)[0]), key=lambda reading: reading[0])
     what = f"the orientations miss those of {arm.name} by {np.degrees(error):.0f} deg"
     if found[0] < BETTER * error:
-        raise FileError(data.path, ", ".join(QUATERNION), f"{what}; {found[1]}", f"then {np.degrees(found[0]):.1f} deg")
+        raise data.source.fault(f"{what}; {found[1]}", f"then {np.degrees(found[0]):.1f} deg", ", ".join(QUATERNION))
     if error > NOT_THIS_ARM:
         right = "correct [tool] of the arm file, or leave the columns out"
-        raise FileError(data.path, ", ".join(QUATERNION), f"{what}, in whatever order the columns are read", right)
+        raise data.source.fault(f"{what}, in whatever order the columns are read", right, ", ".join(QUATERNION))
 
 
 def _readings(measured: Array, drawn: Array, turn: Array) -> Iterator[tuple[float, str]]:

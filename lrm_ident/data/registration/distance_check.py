@@ -36,7 +36,7 @@ def misread_distances(arm: Arm, data: Measurements) -> tuple[float, Hypothesis |
     if len(rows) < LEAST:
         return None
     part, distance = data.take(rows), data.distance[rows]
-    read = Hypothesis(data.stated, part.poses.q, np.empty((0, 3)))
+    read = Hypothesis(data.source.stated, part.poses.q, np.empty((0, 3)))
     missed = _missed(arm, part, read.q, distance)
     if missed <= MAX_RELATIVE_ERROR * float(distance.std()):
         return None

@@ -68,8 +68,8 @@ def with_touched(model: Model, data: Measurements) -> Model:
     needed = [kind(model.arm, f"placement{number}") for number, kind in enumerate(kinds, start=1)]
     keys = [key for effect in needed for key in effect.keys]
     there = set(model.keys)
-    own = model.fitted_to in (None, data.sha256) and all(key in there and model.value(key) != 0.0 for key in keys)
-    if not needed or own:
+    known = all(key in there and model.value(key) != 0.0 for key in keys)
+    if not needed or (known and model.fitted_to in (None, data.source.sha256)):
         return model
     kept: list[Effect] = [effect for effect in model.effects if not isinstance(effect, TouchedPoint)]
     values = {key: model.value(key) for effect in kept for key in effect.keys}
@@ -90,7 +90,7 @@ def with_touched(model: Model, data: Measurements) -> Model:
 def misread_touches(arm: Arm, data: Measurements) -> tuple[float, Hypothesis | None] | None:
     """How far the arm as drawn misses the points that it touched (m, RMS), and the simplest reading that it does not
     miss so; None where they can be taken as read."""
-    read = Hypothesis(data.stated, data.poses.q, np.empty((0, 3)))
+    read = Hypothesis(data.source.stated, data.poses.q, np.empty((0, 3)))
     missed = _missed(arm, data, read.q)
     if missed <= MISREAD * reach(arm):
         return None

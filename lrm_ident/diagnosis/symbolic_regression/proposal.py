@@ -172,7 +172,7 @@ def _refit(
         f"{found.tried} laws were tried. Held out, the model {beside}\nhas {in_mm(found.before.rms)} mm; with a law "
         f"chosen anew in every block about {in_mm(found.nested)} mm.\nAgainst pure noise: p {p_words(found.p_value)}."
     )
-    source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.path.name, facts)
+    source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.source.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:
         file = Path(folder) / "law.py"
         file.write_text(source, encoding="utf-8")

@@ -14,6 +14,7 @@ from pydantic import Field
 from lrm_ident.data.measurement_file.conventions import frame_motion, frame_table
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.rigid_motion import inverse, placement_motion
+from lrm_ident.data.source import Source
 from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
@@ -143,18 +144,8 @@ def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) ->
     """Tool poses in the arm's frame and their covariance."""
     tool, covariance = found.tool, found.covariance
     number = np.array(photos.rows, dtype=np.int64) + 1
-    return Measurements(
-        poses=taken,
-        pose=number,
-        tcp=tool[:, :3, 3],
-        sd=position_sd(covariance),
-        noise_sd=None,
-        repeat_of=number,
-        path=path,
-        sha256="",
-        covariance=covariance,
-        attitude=tool[:, :3, :3],
-    )
+    plain = Measurements.of_tcp(taken, tool[:, :3, 3], sd=position_sd(covariance), pose=number, source=Source(path))
+    return replace(plain, covariance=covariance, attitude=tool[:, :3, :3])
 
 
 def tool_poses(arm: Arm, poses: Poses) -> Array:

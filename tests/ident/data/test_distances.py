@@ -16,6 +16,7 @@ from lrm_ident.data.registration.anchor import trilaterate, with_anchor
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.similarity import robust_similarity
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
 from lrm_ident.fitting.cross_validation import FOLDS, blocks_of_fit, cross_validated_residual
@@ -74,10 +75,10 @@ def measured(model: Model, poses: int, seed: int, positions: int = 0, point: boo
     covariance = np.full((poses, 6, 6), np.nan)
     covariance[:, :3, :3] = SD**2 * np.eye(3)
     distance = np.linalg.norm(from_anchor(equilibrium, POINT), axis=1) + rng.normal(0, SD, poses)
-    return Measurements(
-        equilibrium.poses, number, tcp, sd, None, number, Path("made.csv"), "",
+    return replace(
+        Measurements.of_tcp(equilibrium.poses, tcp, sd=sd, source=Source(arm=model.arm)),
         covariance=covariance if positions else None,
-        distance=distance, distance_sd=sd, distance_from=POINT if point else None, arm=model.arm,
+        distance=distance, distance_sd=sd, distance_from=POINT if point else None,
     )  # fmt: skip
 
 

@@ -59,15 +59,14 @@ def measured(model: Model, poses: int, seed: int, covariance: Array | None = Non
     equilibrium = solve_equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
     C = np.diag([SD**2] * 3 + [TURN_SD**2] * 3) if covariance is None else covariance
     error = rng.multivariate_normal(np.zeros(6), C, poses)
-    number = np.arange(1, poses + 1)
-    return Measurements(
-        equilibrium.poses, number, equilibrium.tcp + error[:, :3],
-        np.full(poses, np.sqrt(np.trace(C[:3, :3]) / 3)), None, number,
-        Path("made.csv"), "", covariance=np.broadcast_to(C, (poses, 6, 6)).copy(),
+    sd = np.full(poses, np.sqrt(np.trace(C[:3, :3]) / 3))
+    return replace(
+        Measurements.of_tcp(equilibrium.poses, equilibrium.tcp + error[:, :3], sd=sd),
+        covariance=np.broadcast_to(C, (poses, 6, 6)).copy(),
         attitude=Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(equilibrium),
         feedback=encoder_angles(equilibrium) + rng.normal(0, FEEDBACK_SD, (poses, model.arm.dof)),
         feedback_sd=FEEDBACK_SD,
-    )  # fmt: skip
+    )
 
 
 def positions_only(data: Measurements) -> Measurements:
@@ -158,7 +157,7 @@ def test_unstated_parts_are_kept_but_not_used(so101: Arm, tmp_path: Path) -> Non
     again = load_measurements(path, so101)
     assert again.attitude is None
     assert again.feedback is None
-    assert sum("not used" in notice for notice in again.notices) == 2
+    assert sum("not used" in notice for notice in again.source.notices) == 2
 
 
 def test_a_round_covariance_is_a_standard_deviation(so101: Arm) -> None:
@@ -283,7 +282,7 @@ def test_it_turns_with_the_frame_of_the_positions(lab: Arm, seed: int) -> None:
 
 def leaning_measurements(arm: Arm, poses: Poses) -> Measurements:
     number = np.arange(1, COUNT + 1)
-    return Measurements(poses, number, tips(arm, poses), None, None, number, Path("x.csv"), "")
+    return Measurements.of_tcp(poses, tips(arm, poses), pose=number)
 
 
 @pytest.mark.parametrize("command", [False, True])

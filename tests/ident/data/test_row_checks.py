@@ -19,6 +19,7 @@ from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.rigid_motion import quaternions
+from lrm_ident.data.source import Source
 from lrm_ident.data.weights.model_error import additional_sd, with_model_error
 from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.loss import SQUARED
@@ -62,8 +63,8 @@ def test_zeros_of_a_lost_tracker_are_left_out_and_said(lab: Arm, tmp_path: Path)
     for lost in (3, 40, 41):
         rows[lost][-3:] = ["0.0", "0", "-0.000"]
     data = load_checked(example(tmp_path, rows), lab)
-    assert data.left_out == (4, 41, 42)
-    assert any("exactly 0, 0, 0" in words and "4, 41, 42" in words for words in data.notices)
+    assert data.source.left_out == (4, 41, 42)
+    assert any("exactly 0, 0, 0" in words and "4, 41, 42" in words for words in data.source.notices)
     whole = load_checked(example(tmp_path, healthy), lab).without([4, 41, 42])
     np.testing.assert_array_equal(data.tcp, whole.tcp)
     np.testing.assert_array_equal(data.poses.direction, whole.poses.direction)  # the arm was there all the same
@@ -74,8 +75,8 @@ def test_a_frozen_tracker_is_left_out_and_said(lab: Arm, tmp_path: Path) -> None
     for stale in (10, 11):
         rows[stale][-3:] = rows[9][-3:]
     data = load_checked(example(tmp_path, rows), lab)
-    assert data.left_out == (11, 12)
-    assert any("stands still" in words and "11, 12" in words for words in data.notices)
+    assert data.source.left_out == (11, 12)
+    assert any("stands still" in words and "11, 12" in words for words in data.source.notices)
 
 
 def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
@@ -123,7 +124,7 @@ def test_after_a_split_directions_are_right_or_unknown(kept: list[bool], seed: i
 def test_a_gap_in_the_pose_numbers_is_said(lab: Arm, tmp_path: Path) -> None:
     rows = [row for number, row in enumerate(rows_of(80), start=1) if number not in (20, 21, 50)]
     data = load_measurements(example(tmp_path, rows), lab)
-    assert any("before pose 22, 51 the file lacks a pose" in words for words in data.notices)
+    assert any("before pose 22, 51 the file lacks a pose" in words for words in data.source.notices)
     assert data.poses.direction is not None
     assert (data.poses.direction[[19, 47]] == 0.0).all()
     again = tmp_path / "again.csv"
@@ -134,18 +135,20 @@ def test_a_gap_in_the_pose_numbers_is_said(lab: Arm, tmp_path: Path) -> None:
 def test_other_orders_of_the_rows_are_said(lab: Arm, tmp_path: Path) -> None:
     rows = rows_of(60)
     data = load_measurements(example(tmp_path, [*rows[30:], *rows[:30]]), lab)
-    assert any("do not ascend" in words for words in data.notices)
-    assert any("t_s runs backwards" in words for words in data.notices)
+    assert any("do not ascend" in words for words in data.source.notices)
+    assert any("t_s runs backwards" in words for words in data.source.notices)
 
 
 def test_times_that_are_rather_milliseconds_are_said(lab: Arm, tmp_path: Path) -> None:
     names, rows = EXAMPLE.read_text().splitlines()[0].split(","), rows_of(30)
     slow = [[row[0], str(1000 * int(row[1])), *row[2:]] for row in rows]
     said = load_measurements(example(tmp_path, slow), lab)
-    assert any("4.17 h or more apart; if t_s is in milliseconds: rename it t_ms" in words for words in said.notices)
+    assert any(
+        "4.17 h or more apart; if t_s is in milliseconds: rename it t_ms" in words for words in said.source.notices
+    )
     renamed = load_measurements(example(tmp_path, slow, [name.replace("t_s", "t_ms") for name in names]), lab)
     as_it_is = load_measurements(example(tmp_path, rows), lab)
-    assert not any("apart" in words for words in (*renamed.notices, *as_it_is.notices))
+    assert not any("apart" in words for words in (*renamed.source.notices, *as_it_is.source.notices))
     assert renamed.poses.t is not None
     np.testing.assert_allclose(renamed.poses.t, as_it_is.poses.t)
 
@@ -155,7 +158,7 @@ def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp
     second = [[str(number), *row[1:at], "2", *row[at + 1 :]] for number, row in enumerate(rows[20:], start=1)]
     data = load_measurements(example(tmp_path, [*rows[:20], *second]), lab)
     np.testing.assert_array_equal(data.pose, np.arange(1, 41))
-    assert any("each session has its own pose numbers" in words for words in data.notices)
+    assert any("each session has its own pose numbers" in words for words in data.source.notices)
     with pytest.raises(FileError, match="pose 5 stands in line 6 already"):
         load_measurements(example(tmp_path, [*rows[:20], rows[4], *second]), lab)
 
@@ -163,7 +166,9 @@ def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp
 def test_a_repetition_elsewhere_is_said(lab: Arm, tmp_path: Path) -> None:
     names = [*EXAMPLE.read_text().splitlines()[0].split(","), "repeat_of"]
     rows = [[*row, "1" if row[0] == "9" else ""] for row in rows_of(20)]
-    assert any("repeat_of: pose 9" in words for words in load_measurements(example(tmp_path, rows, names), lab).notices)
+    assert any(
+        "repeat_of: pose 9" in words for words in load_measurements(example(tmp_path, rows, names), lab).source.notices
+    )
 
 
 def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
@@ -178,12 +183,8 @@ def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
     q = rng.uniform(*limits.T, (count, arm.dof))
     poses = replace(poses_of(q), direction=directions(q, None))
     equilibrium = solve_equilibrium(model_of(arm, model.effects, sizes), poses)
-    number = np.arange(1, count + 1)
-    return Measurements(
-        poses, number, equilibrium.tcp + rng.normal(0, 1e-4, (count, 3)), None, None, number,
-        Path("made.csv"), "", arm=arm,
-        attitude=tool_rotation(equilibrium),
-    )  # fmt: skip
+    tcp = equilibrium.tcp + rng.normal(0, 1e-4, (count, 3))
+    return replace(Measurements.of_tcp(poses, tcp, source=Source(arm=arm)), attitude=tool_rotation(equilibrium))
 
 
 def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: list[str], **units: float) -> Path:
@@ -256,7 +257,7 @@ def test_the_joints_own_names_are_columns(tmp_path: Path) -> None:
     path = as_file(tmp_path, made, [], [f"{name}_rad" for name in JOINTS], angle=np.pi / 180)
     data = load_checked(path, load_arm("so101"))
     np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
-    assert any("q1_deg = 'shoulder_pan_rad' times 57.2958" in words for words in data.notices)
+    assert any("q1_deg = 'shoulder_pan_rad' times 57.2958" in words for words in data.source.notices)
 
 
 @pytest.mark.parametrize(

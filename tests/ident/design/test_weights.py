@@ -13,6 +13,7 @@ from lrm_ident.cli.app import app
 from lrm_ident.data.measurement_file.known_columns import POSITION
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.data.weights.whitening import Whitening, measured_alike, root_of
 from lrm_ident.design.fisher_information import fisher_information, whiten
 from lrm_ident.design.pose_design import DesignProblem, design
@@ -100,12 +101,10 @@ def written(path: Path, arm: str, count: int) -> Path:
     """Whole poses of the nominal arm with noise, as a file with its metadata."""
     model, rng = nominal_model(load_arm(arm)), np.random.default_rng(0)
     equilibrium = solve_equilibrium(model, some_poses(arm, count, 3))
-    number, covariance = np.arange(1, count + 1), np.broadcast_to(np.diag([3e-4] * 3 + [1e-3] * 3) ** 2, (count, 6, 6))
+    covariance = np.broadcast_to(np.diag([3e-4] * 3 + [1e-3] * 3) ** 2, (count, 6, 6))
     tcp: Array = equilibrium.tcp + rng.normal(0, 3e-4, (count, 3))
-    data = Measurements(
-        equilibrium.poses, number, tcp, np.full(count, 3e-4), None, number, path, "", covariance=covariance.copy(),
-        attitude=tool_rotation(equilibrium),
-    )  # fmt: skip
+    plain = Measurements.of_tcp(equilibrium.poses, tcp, sd=np.full(count, 3e-4), source=Source(path))
+    data = replace(plain, covariance=covariance.copy(), attitude=tool_rotation(equilibrium))
     path.write_text(measurements_csv(data))
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\narm = "{arm}"\n')
     return path

@@ -327,7 +327,7 @@ def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
     equilibrium = solve_equilibrium(model, Poses(q, np.zeros(60), sides))
     tcp = equilibrium.tcp + rng.normal(0.0, 3e-4, equilibrium.tcp.shape)
     pose = np.arange(60) + 1
-    data = Measurements(equilibrium.poses, pose, tcp, None, None, rows + 1, Path("repeats.csv"), "")
+    data = Measurements.of_tcp(equilibrium.poses, tcp, pose=pose, repeat_of=rows + 1)
     assert noise_floor(data, equilibrium).sd == pytest.approx(3e-4, rel=0.25)
     without = solve_equilibrium(model_of(lab, ()), equilibrium.poses)
     assert (noise_floor(data, without).sd or 0.0) > 1e-3
@@ -349,7 +349,7 @@ def test_a_cause_that_makes_repeats_differ_is_not_taken_for_noise(lab: Arm, seed
     tcp = equilibrium.tcp + rng.normal(0.0, 3e-4, equilibrium.tcp.shape)
     repeat_of = np.arange(80) + 1
     repeat_of[3::4] = repeat_of[1::4]
-    data = Measurements(equilibrium.poses, np.arange(80) + 1, tcp, None, None, repeat_of, Path("repeats.csv"), "")
+    data = Measurements.of_tcp(equilibrium.poses, tcp, pose=np.arange(80) + 1, repeat_of=repeat_of)
     found = diagnose(model_of(lab, effects_at(lab, "offsets")), data)
     assert found.screening.lack_of_fit_p_value > SIGNIFICANCE, "the residual is no larger than the repeats differ"
     assert [one.name for one in found.supported][:1] == ["hysteresis@joint2"]
@@ -373,7 +373,7 @@ def test_few_repeats_do_not_show_that_nothing_is_missing(lab: Arm) -> None:
         poses = Poses(np.vstack([q, q[repeated]]), np.zeros(80))
         tcp = solve_equilibrium(model, poses).tcp + rng.normal(0.0, 2e-4, (80, 3))
         repeat_of = np.append(np.arange(72), repeated) + 1
-        data = Measurements(poses, np.arange(80) + 1, tcp, None, None, repeat_of, Path("repeats.csv"), "")
+        data = Measurements.of_tcp(poses, tcp, pose=np.arange(80) + 1, repeat_of=repeat_of)
         found = diagnose(model_of(lab, effects_at(lab, "offsets")), data)
         accepted += found.screening.lack_of_fit_p_value > SIGNIFICANCE and not found.structure.significant
         named = [name for one in found.supported[:1] for name in (one.name, *found.equivalent[one.name])]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,7 +94,7 @@ def measured(seed: int, *effects: HiddenEffect, sessions: int = 1, count: int = 
     load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
     tcp = measure(described, truth, q, load, NOISE, seed, plan)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s, session if sessions > 1 else None, number=number)
-    return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
+    return Measurements.of_tcp(poses, tcp, NOISE, pose=number)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import pytest
 from examples.demo.hidden import hidden_arm
 from examples.demo.pose_files import LOAD_G, clear_poses
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.confirm import confirm
@@ -112,7 +113,7 @@ def measured(described: ArmDescription, truth: GroundTruth, seed: int, count: in
     load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
     tcp, number = measure(described, truth, q, load, NOISE, seed, plan), np.arange(1, count + 1)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s)
-    return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
+    return Measurements.of_tcp(poses, tcp, NOISE, pose=number)
 
 
 def hidden(described: ArmDescription, seed: int, *effects: HiddenEffect) -> Measurements:
@@ -292,8 +293,8 @@ def test_two_parameters_go_before_a_curve_of_twenty_four(lab: Arm, seed: int) ->
     tip = true_state(described, hidden_arm(described, 18).truth, q, payload).tcp_m
     noisy = np.asarray(tip) + rng.normal(scale=1.8e-4, size=(80, 3))
     poses = poses_of(q, payload)
-    data = Measurements(
-        poses, np.arange(1, 81), noisy, None, None, numbers, Path("simulated"), "", arm=lab, arm_name=""
+    data = Measurements.of_tcp(
+        poses, noisy, pose=np.arange(1, 81), repeat_of=numbers, source=Source(arm=lab, arm_name="")
     )
     fitted = fit_model(nominal_model(lab), data, "identifiable", SQUARED).fit
     assert [one.name for one in diagnose(fitted.model, data).supported] == ["base_compliance@base"]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
@@ -37,7 +38,7 @@ def measured(arm: Arm, distances: int) -> Measurements:
     true = solve_equilibrium(model_of(arm, ()), poses).tcp
     tcp = true + SCALE * (true - true.mean(axis=0)) * [0.0, 0.0, 1.0] + SD * rng.normal(size=true.shape)
     number = np.arange(1, count + 1)
-    data = Measurements(poses, number, tcp, None, SD, number, Path("frame.csv"), "", arm=arm)
+    data = Measurements.of_tcp(poses, tcp, SD, pose=number, source=Source(arm=arm))
     if not distances:
         return data
     far = np.linalg.norm(true - STRING_AT, axis=1) + SD * rng.normal(size=count)

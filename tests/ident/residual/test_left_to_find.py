@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds
 from lrm_ident.residual.data_audit import FEW_LEVELS, where_it_holds
 from lrm_ident.residual.error_breakdown import compare
@@ -41,7 +41,7 @@ def poses_of(seed: int, count: int = 240) -> Measurements:
     number = np.arange(count)
     time = np.linspace(0.0, 15.0 * count, count)
     poses = Poses(rng.uniform(-1.7, 1.7, (count, 4)), rng.choice([0.0, 0.07], count), t=time)
-    return Measurements(poses, number, np.zeros((count, 3)), None, None, number, Path("none.csv"), "")
+    return Measurements.of_tcp(poses, np.zeros((count, 3)), pose=number)
 
 
 def blocks_of(data: Measurements, residual: Array) -> list[HeldOutBlock]:
@@ -237,7 +237,7 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     model = model_of(lab, effects_at(lab, "offsets@base"))
     poses = Poses(q, np.zeros(60))
     tcp = solve_equilibrium(model, poses).tcp + 0.005 * np.sin(q[:, [1]]) + NOISE * rng.normal(size=(60, 3))
-    data = Measurements(poses, data.pose, tcp, None, None, data.pose, data.path, "")
+    data = Measurements.of_tcp(poses, tcp, pose=data.pose, source=Source(data.source.path))
     found = compare(model, data)
     assert found.predictable is not None
     np.testing.assert_allclose(found.predictable.before, cross_validated_residual(model, data))

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.fitting.field.regression import MOST_NUMBERS, field_posterior
@@ -226,9 +227,11 @@ def world(seed: int, size: float, poses: int) -> Measurements:
     axis, q = wave.normal(size=(3, 3)), place.uniform(-WIDEST, WIDEST, (poses, SMALL.dof))
     waves = np.sin(q @ frequency.T + phase) @ (axis / np.linalg.norm(axis))
     number = np.arange(1, poses + 1)
-    data = Measurements(poses_of(q), number, np.zeros((poses, 3)), None, NOISE_M, number, Path("none"), "", arm=SMALL)
+    data = Measurements.of_tcp(poses_of(q), np.zeros((poses, 3)), NOISE_M, pose=number, source=Source(arm=SMALL))
     tcp = solve_equilibrium(Study.of(data).model, data.poses).tcp + size * waves
-    return replace(data, tcp=tcp + place.normal(0.0, NOISE_M, tcp.shape), sha256=f"{seed}-{poses}")
+    return replace(
+        data, tcp=tcp + place.normal(0.0, NOISE_M, tcp.shape), source=Source(sha256=f"{seed}-{poses}", arm=SMALL)
+    )
 
 
 @cache

@@ -32,6 +32,7 @@ from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
 from lrm_ident.data.registration.point_set import nominal_tcp, registered
 from lrm_ident.data.registration.reading_check import check_reading
 from lrm_ident.data.registration.similarity import robust_similarity, similarity
+from lrm_ident.data.source import Source
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -91,7 +92,7 @@ def test_a_base_that_was_pushed_is_said_in_a_notice(tmp_path: Path) -> None:
     tcp[len(tcp) // 2 :, 2] += 0.06  # m
     path = tmp_path / "pushed.csv"
     path.write_text(measurements_csv(replace(data, tcp=tcp)), encoding="utf-8")
-    (notice,) = load_checked(path, load_arm("lrm-lab")).notices
+    (notice,) = load_checked(path, load_arm("lrm-lab")).source.notices
     assert "did its base or the tracker move?" in notice
 
 
@@ -107,7 +108,7 @@ def test_real_measurements_are_not_refused(arm: str, path: str, reading: Reading
     data = SHARED / "data" / path
     if not data.exists():
         pytest.skip("the real measurements are not here")
-    assert load_checked(data, load_arm(arm), reading).notices == ()
+    assert load_checked(data, load_arm(arm), reading).source.notices == ()
 
 
 def test_the_real_two_joint_data_are_turned_by_half_a_turn() -> None:
@@ -371,9 +372,7 @@ def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said
     destroyed = _drawn_with(values)
     drawn = model_of(destroyed.model.arm, destroyed.model.effects)
     number = np.arange(60)
-    data = Measurements(
-        destroyed.poses, number, destroyed.tcp, None, 1e-4, number, Path("small.csv"), "", arm=drawn.arm
-    )
+    data = Measurements.of_tcp(destroyed.poses, destroyed.tcp, 1e-4, pose=number, source=Source(arm=drawn.arm))
     keys = tuple(key for key in drawn.keys if key.endswith(("extra_z_mm", "tool.z_mm")))
     model = replace(drawn, free=keys)
     for fitting in (
@@ -397,7 +396,7 @@ def test_a_length_that_others_undo_does_not_collapse() -> None:
 
 
 def test_a_fit_that_no_parameter_helps_is_refused() -> None:
-    data = replace(random_arm_data("lrm-lab", 3, poses=60), arm=load_arm("lrm-lab"))
+    data = replace(random_arm_data("lrm-lab", 3, poses=60), source=Source(arm=load_arm("lrm-lab")))
     far = replace(data, tcp=np.random.default_rng(0).normal(0.0, 10.0, data.tcp.shape))
     with pytest.raises(LrmError, match="nothing can be fitted"):
         lrm.fit(far, effects=["compliance"])
