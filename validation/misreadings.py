@@ -88,7 +88,7 @@ def healthy_data(name: str, seed: int) -> Measurements:
     poses = FEW[seed % len(FEW)]
     data = measured(rig, truth, synthetic.random_poses(rig, poses, seed), seed, load=0.0663 * (seed % 2))
     wrong = rng.random(poses) < 0.05 * (seed % 3)
-    return replace(data, tcp=data.tcp + wrong[:, None] * rng.normal(0, 0.05, (poses, 3)), source=AS_STATED)
+    return replace(data, source=AS_STATED).with_tcp(data.tcp + wrong[:, None] * rng.normal(0, 0.05, (poses, 3)))
 
 
 def misread(name: str, kind: str, seed: int) -> MisreadCase:
@@ -99,7 +99,7 @@ def misread(name: str, kind: str, seed: int) -> MisreadCase:
     data = random_arm_data(name, seed)
     changed = dict(_changes(data.poses.q, data.tcp, rng, name))[kind]
     truth, q, tcp = changed
-    return MisreadCase(arm, replace(data, poses=replace(data.poses, q=q), tcp=tcp), truth)
+    return MisreadCase(arm, replace(data, poses=replace(data.poses, q=q)).with_tcp(tcp), truth)
 
 
 def _changes(

@@ -27,7 +27,9 @@ def measured(seed: int, size: float, count: int = 260) -> Measurements:
     plain = Study.of(Measurements.of_tcp(poses, nothing, NOISE, pose=number, source=Source(arm=ARM)))
     springs = np.where([key.startswith("compliance") for key in plain.model.keys], SOFTNESS, 0.0)
     tcp = solve_equilibrium(plain.model.with_values(springs), poses).tcp + displacement(poses.q, size)
-    return replace(plain.data, tcp=tcp + rng.normal(0.0, NOISE, tcp.shape), source=Source(sha256=str(seed), arm=ARM))
+    return replace(plain.data, source=Source(sha256=str(seed), arm=ARM)).with_tcp(
+        tcp + rng.normal(0.0, NOISE, tcp.shape)
+    )
 
 
 def displacement(q: Array, size: float) -> Array:

@@ -99,7 +99,7 @@ def choose_poses(
     model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
         found = select_poses(model, measured, count, kind, physical, seed, tick)
-    placed = replace(measured, tcp=measured.places(solve_equilibrium(model, measured.poses)))
+    placed = measured.with_tcp(measured.places(solve_equilibrium(model, measured.poses)))
     publish(choice_document(model, found, placed), json, figure, partial(draw_choice, found, placed))
     if output:
         write_text(output, measurements_csv(measured.take(found.rows)))

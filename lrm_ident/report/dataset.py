@@ -32,7 +32,7 @@ class DatasetCheck:
         faults = card_faults(metadata.card if metadata else None)
         if metadata is None or metadata.arm is None:
             faults["arm file"] = "arm in the metadata: a shipped arm, or the path of an arm file beside it"
-        if data.noise_sd is None and data.sd is None and data.covariance is None:
+        if data.sd is None and data.positions.noise_sd is None:
             faults["noise_sd_mm"] = NO_NOISE
         if not {"q1_deg"} <= {*stated} or not {"x_mm", "distance_mm"} & {*stated}:
             faults["columns"] = NOT_STANDARD

@@ -98,7 +98,7 @@ def test_what_is_hidden_does_not_change_what_is_identified(lab: Arm, method: Opt
     spoiled[one.rest] += 0.05
     again = identify(
         replace(nominal_model(lab), free=one.fit.model.free),
-        replace(method.data, tcp=spoiled),
+        method.data.with_tcp(spoiled),
         one.option,
         one.rows,
     )

@@ -14,10 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import frame_table, motion_of, rigid_motion
-from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.load import read_measured
 from lrm_ident.data.measurement_file.measured_columns import without_frozen
+from lrm_ident.data.measurement_file.pose_quantity import QUATERNION
 from lrm_ident.data.measurements import Measurements, Part, every_pose
+from lrm_ident.data.observations.distances import Distances
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.moved_frame import moved_frame
@@ -89,7 +91,8 @@ def load_checked(
         if pose in chosen.pose:
             raise error
     found = in_arm_frame(arm, data.noting(*notices))
-    check_attitude(arm, found)
+    for seen in found.of(Orientations):
+        check_orientations(arm, found, seen)
     return found
 
 
@@ -100,7 +103,8 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         return ()
     check = check_reading(arm, data)
     if check is None:
-        _check_distances(arm, data)
+        for seen in data.of(Distances):
+            _check_distances(arm, data, seen)
         return ()
     if not check.right:
         raise Misread(data, check, arm)
@@ -116,9 +120,9 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 
 
-def _check_distances(arm: Arm, data: Measurements) -> None:
+def _check_distances(arm: Arm, data: Measurements, seen: Distances) -> None:
     """Raises `FileError`: the arm cannot have been so far from the point, as the distances were read."""
-    if misread := misread_distances(arm, data):
+    if misread := misread_distances(arm, data, seen):
         missed, found = misread
         what = f"as read, {arm.name} misses the distances by {missed / MM:.3g} mm"
         if found is None:
@@ -184,19 +188,17 @@ def _millimetres(scored: ScoredReading) -> str:
     return f"{value:.3g} mm" if value < 1000.0 else f"{value:.0f} mm"
 
 
-def check_attitude(arm: Arm, data: Measurements) -> None:
+def check_orientations(arm: Arm, data: Measurements, seen: Orientations) -> None:
     """Compares measured orientations with the arm as drawn.
 
     Raises `FileError`: the columns look ordered or signed otherwise, the tool's or the measuring frame turned, or the
     orientations are of another arm.
     """
-    if data.attitude is None:
-        return
-    rows = np.flatnonzero(~np.isnan(data.attitude[:, 0, 0]))
+    rows = seen.rows
     if not len(rows):
         return
     rows = rows[spaced_rows(len(rows), MOST)]
-    measured, drawn = data.attitude[rows], tool_rotation(solve_equilibrium(model_of(arm, ()), data.poses.take(rows)))
+    measured, drawn = seen.values[rows], tool_rotation(solve_equilibrium(model_of(arm, ()), data.poses.take(rows)))
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:
         return

@@ -117,7 +117,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
 
 def compared_rows(data: Measurements) -> NDArray[np.int64]:
     """Rows with a position; of many, `MOST_POSES` drawn at random, always the same."""
-    return data.positions[drawn_rows(len(data.positions), MOST_POSES)]
+    return data.positions.rows[drawn_rows(len(data.positions.rows), MOST_POSES)]
 
 
 def _before_frame(points: PointSet) -> PointSet:

@@ -217,10 +217,9 @@ def test_feedback_beside_commanded_poses_is_read_in_the_order_and_with_the_signs
     path.write_text(f"{','.join(names)}\n{','.join(['1'] * n + [str(i) for i in range(1, n + 1)])}\n")
     order, sign = [2, 1, *range(3, n + 1)], [1, -1, *[1] * (n - 2)]
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\njoint_order = {order}\njoint_sign = {sign}\n')
-    feedback, sd = read_pose_feedback(path, arm)
-    assert feedback is not None
+    (feedback,), sd = read_pose_feedback(path, arm)
     assert sd is None
-    np.testing.assert_allclose(np.degrees(feedback[0]), np.array(order) * sign)
+    np.testing.assert_allclose(np.degrees(feedback.values[0]), np.array(order) * sign)
 
 
 def test_an_arm_file_beside_the_data_is_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,8 @@ from lrm_ident.data.measurement_file.commanded_poses import after_gap, direction
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.source import Source
@@ -184,7 +186,7 @@ def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
     poses = replace(poses_of(q), direction=directions(q, None))
     equilibrium = solve_equilibrium(model_of(arm, model.effects, sizes), poses)
     tcp = equilibrium.tcp + rng.normal(0, 1e-4, (count, 3))
-    return replace(Measurements.of_tcp(poses, tcp, source=Source(arm=arm)), attitude=tool_rotation(equilibrium))
+    return Measurements.of_tcp(poses, tcp, source=Source(arm=arm)).beside(Orientations(tool_rotation(equilibrium)))
 
 
 def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: list[str], **units: float) -> Path:
@@ -193,9 +195,9 @@ def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: lis
         for name, angles in zip(joints, data.poses.q.T, strict=True)
     ]
     columns += [(f"{axis}_mm", data.tcp[:, i] / MM, 6) for i, axis in enumerate("xyz")]
-    assert data.attitude is not None
     if quaternion:
-        columns += [(name, part, 9) for name, part in zip(quaternion, quaternions(data.attitude).T, strict=True)]
+        (seen,) = data.of(Orientations)
+        columns += [(name, part, 9) for name, part in zip(quaternion, quaternions(seen.values).T, strict=True)]
         columns += [("sd_mm", np.full(len(data), 0.1), 3), ("srot_deg", np.full(len(data), 0.1), 3)]
     path = folder / "made.csv"
     path.write_text(csv_text(columns))
@@ -223,8 +225,9 @@ def test_an_orientation_in_another_order(quaternion: list[str], said: str, tmp_p
 
 def test_an_inverse_orientation(tmp_path: Path) -> None:
     data = so101_data(60, 1)
-    assert data.attitude is not None
-    path = as_file(tmp_path, replace(data, attitude=data.attitude.transpose(0, 2, 1)), ["qw", "qx", "qy", "qz"], JOINTS)
+    positions, seen = data.observations
+    inverse = replace(data, observations=(positions, Orientations(seen.values.transpose(0, 2, 1))))
+    path = as_file(tmp_path, inverse, ["qw", "qx", "qy", "qz"], JOINTS)
     with pytest.raises(FileError, match="negate qx, qy and qz"):
         load_checked(path, load_arm("so101"))
 
@@ -243,10 +246,11 @@ def test_compare_prints_by_how_much_tools_are_turned_that_the_model_does_not_exp
     """Fresh orientations turned by 2 degrees, each about an axis of its own."""
     made, fresh = so101_data(60, 1), so101_data(60, 1)
     stdout_of("fit", as_file(tmp_path, made, QUATERNION, JOINTS), "--arm", "so101", "-o", tmp_path / "model.toml")
-    assert fresh.attitude is not None
+    positions, seen = fresh.observations
     axes = np.random.default_rng(7).normal(size=(60, 3))
     turn = Rotation.from_rotvec(np.radians(2.0) * axes / np.linalg.norm(axes, axis=1, keepdims=True)).as_matrix()
-    path = as_file(tmp_path, replace(fresh, attitude=turn @ fresh.attitude), QUATERNION, JOINTS)
+    turned = replace(fresh, observations=(positions, Orientations(turn @ seen.values)))
+    path = as_file(tmp_path, turned, QUATERNION, JOINTS)
     out = stdout_of("compare", tmp_path / "model.toml", path)
     row = next(line for line in out.splitlines() if line.strip().startswith("model"))
     assert float(row.split()[-1]) == pytest.approx(2.0, abs=0.05), out
@@ -285,8 +289,8 @@ def test_columns_of_lerobot_are_commands_and_what_encoders_read(
     )
     data = load_measurements(path, load_arm("so101"), Reading(angle_unit=unit))
     np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
-    assert data.feedback is not None
-    np.testing.assert_allclose(data.feedback, made.poses.q + 0.01, atol=1e-9)
+    (read_back,) = data.of(EncoderReadings)
+    np.testing.assert_allclose(read_back.values, made.poses.q + 0.01, atol=1e-9)
 
 
 def test_what_encoders_read_is_no_command(tmp_path: Path) -> None:
@@ -312,14 +316,17 @@ def test_additional_variance_of_a_known_sample() -> None:
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_what_a_prior_decides_is_no_error_of_the_model(seed: int) -> None:
-    made = replace(so101_data(24, 30 + seed), attitude=None)
+    made = so101_data(24, 30 + seed)
+    made = replace(made, observations=(made.positions,))
     rng, arm = np.random.default_rng(seed), load_arm("so101")
     sd = np.where(rng.random(24) < 0.5, 2e-4, 4e-4)
     known = fit_model(nominal_model(arm), made, "identifiable", SQUARED).fit
     tcp = known.equilibrium.tcp + rng.normal(0.0, sd[:, None], (24, 3))
-    found = fit_model(nominal_model(arm), replace(made, tcp=tcp, sd=sd), "identifiable", SQUARED)
+    found = fit_model(
+        nominal_model(arm), made.with_positions(replace(made.positions, values=tcp, sd=sd)), "identifiable", SQUARED
+    )
     assert found.fit.effective_parameters < 0.8 * len(found.fit.model.free)
-    assert found.data.model_sd < 1e-4
+    assert found.data.positions.model_sd < 1e-4
     file = model_file(found.fit, found.data, HeldOutResidual(None), "so101", StepName(FIT), prior=TYPICAL)
     decided = effective_parameters(file, found.fit.model, CATALOGUE)
     assert decided == pytest.approx(found.fit.effective_parameters, abs=0.1)
@@ -328,10 +335,11 @@ def test_what_a_prior_decides_is_no_error_of_the_model(seed: int) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -> None:
-    made = replace(so101_data(90, 10 + seed, "backlash@joint2"), attitude=None)
+    made = so101_data(90, 10 + seed, "backlash@joint2")
+    made = replace(made, observations=(made.positions,))
     arm = load_arm("so101")
     sd = np.where(np.random.default_rng(seed).random(90) < 0.2, 1e-5, 3e-4)
-    plain, stated = made, replace(made, sd=sd)
+    plain, stated = made, made.with_positions(replace(made.positions, sd=sd))
     errors = []
     for data in (plain, stated):
         found = fit_model(nominal_model(arm), data, "identifiable", SQUARED)
@@ -339,7 +347,7 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
         errors.append(float(np.sqrt((left**2).sum(axis=1).mean())))
     assert errors[1] <= 1.1 * errors[0], errors
     blind = fit_model(nominal_model(arm), plain, "identifiable", SQUARED).fit
-    assert with_model_error(stated, blind.equilibrium, blind.effective_parameters).model_sd > 2e-4
+    assert with_model_error(stated, blind.equilibrium, blind.effective_parameters).positions.model_sd > 2e-4
 
 
 @pytest.mark.long

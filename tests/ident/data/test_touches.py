@@ -14,7 +14,7 @@ from lrm_ident.data.measurement_file.conventions import metadata_of
 from lrm_ident.data.measurement_file.touched_points import known_points
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.registration.set_up import with_set_up
-from lrm_ident.data.registration.touched import rigid_motion_between
+from lrm_ident.data.registration.similarity import rigid_motion_between
 from lrm_ident.data.rigid_motion import placement_motion
 from lrm_ident.fitting.cross_validation import held_out_folds
 from lrm_ident.fitting.loss import SQUARED

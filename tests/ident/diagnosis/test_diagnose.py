@@ -181,7 +181,7 @@ def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm
     tcp = data.tcp.copy()
     wrong = [10, 77, 200]
     tcp[wrong] += np.array([[0.1, 0, 0], [0, 0.08, 0], [0, 0, -0.12]])
-    spoiled = replace(data, tcp=tcp)
+    spoiled = data.with_tcp(tcp)
     report = build_report(diagnose(base_fit(lab, spoiled), spoiled))
     assert set(report.diagnosis.outliers) == {int(data.pose[row]) for row in wrong}
     assert "backlash@joint3" in first_class(report)
@@ -196,7 +196,7 @@ def test_many_wrong_measurements_are_left_out_whatever_the_loss(tmp_path: Path, 
     out = rng.normal(size=(8, 3))
     tcp = data.tcp.copy()
     tcp[wrong] += out * (rng.uniform(0.005, 0.025, 8) / np.linalg.norm(out, axis=1))[:, None]
-    spoiled = replace(data, tcp=tcp)
+    spoiled = data.with_tcp(tcp)
     found = diagnose(base_fit(lab, spoiled), spoiled, loss=loss_named("huber"))
     assert set(found.outliers) == {int(data.pose[row]) for row in wrong}
     assert not found.above_floor
@@ -308,11 +308,11 @@ def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     rows = np.repeat(np.arange(60), 3)
     rng = np.random.default_rng(0)
     again = data.take(rows)
-    noisy = replace(again, tcp=again.tcp + rng.normal(0, 5e-4, again.tcp.shape), pose=np.arange(180) + 1)
+    noisy = replace(again, pose=np.arange(180) + 1).with_tcp(again.tcp + rng.normal(0, 5e-4, again.tcp.shape))
     floor = noise_floor(replace(noisy, repeat_of=rows + 1), equilibrium.take(rows))
     assert floor.source == "replicates"
     assert floor.sd == pytest.approx(5e-4, rel=0.1)
-    assert noise_floor(replace(data, noise_sd=None), equilibrium).sd is None
+    assert noise_floor(data.with_positions(replace(data.positions, noise_sd=None)), equilibrium).sd is None
     copied = replace(again, pose=np.arange(180) + 1, repeat_of=rows + 1)
     assert noise_floor(copied, equilibrium.take(rows)).source == "metadata", "copies to the last digit are no repeats"
 

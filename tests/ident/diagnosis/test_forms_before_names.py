@@ -192,7 +192,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     """Play and drift of one joint together; one judge: each step is the first of the diagnosis before it."""
     effects = WarmUp(2, np.radians(2.2), 1800.0), SoftPlay(2, np.radians(2.4), 0.03)
     data = measured(described, GroundTruth.random(described, 5, effects), 5, 120)
-    data = replace(data, tcp=data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
+    data = data.with_tcp(data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
     course = run_auto(base_fit(lab, data), data)
     assert {"drift@joint2", "backlash@joint2"} <= {name for step in course.steps[1:] for name in step.names}
     assert course.confirmed.first is None
@@ -224,7 +224,7 @@ def test_more_than_the_noise_is_never_called_nothing(lab: Arm, described: ArmDes
     """White noise twice what the file says: nothing to follow, and yet not nothing."""
     data = hidden(described, 7)
     assert diagnose(base_fit(lab, data), data).verdict == "nothing_missing"
-    quieter = replace(data, noise_sd=NOISE / 2)
+    quieter = data.with_positions(replace(data.positions, noise_sd=NOISE / 2))
     assert diagnose(base_fit(lab, data), quieter).verdict == "unpredictable"
 
 
@@ -233,7 +233,7 @@ def test_the_few_poses_that_hold_what_is_left_are_named(lab: Arm, described: Arm
     data = hidden(described, 7)
     moved = data.tcp.copy()
     moved[[10, 40, 70], 2] += 8 * NOISE
-    wrong = replace(data, tcp=moved)
+    wrong = data.with_tcp(moved)
     found = diagnose(base_fit(lab, wrong), wrong)
     assert set(data.pose[[10, 40, 70]]) <= {*found.outliers, *found.data.pose[list(found.fit.outliers)]}
     quieter = replace(found.screening, data=replace(found.data, noise_sd=NOISE / 2))
@@ -273,7 +273,7 @@ def test_gain_at_few_levels_is_hinted_at(lab: Arm, described: ArmDescription) ->
     data = measured(described, GroundTruth.nominal(described), 10, 90)
     q = np.radians(np.array([-60.0, 0.0, 60.0])[np.random.default_rng(0).integers(0, 3, data.poses.q.shape)])
     tcp = measure(described, GroundTruth.nominal(described), q, 0.0, NOISE, 0)
-    few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90)), tcp=tcp)
+    few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90))).with_tcp(tcp)
     model = model_of(lab, effects_at(lab, "servo_gain@joint2"))
     hints = parameter_hints(fit(replace(model, free=model.keys), few))
     assert any(hint.startswith("servo_gain of joint 2 rest on 3 levels") for hint in hints)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.distances import Distances
 from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import diagnose
@@ -43,11 +43,8 @@ def measured(arm: Arm, distances: int) -> Measurements:
         return data
     far = np.linalg.norm(true - STRING_AT, axis=1) + SD * rng.normal(size=count)
     far[distances:] = np.nan
-    sd, covariance = np.full(count, SD), np.full((count, 6, 6), np.nan)
-    covariance[:, :3, :3] = SD**2 * np.eye(3)
-    return replace(
-        data, sd=sd, noise_sd=None, covariance=covariance, distance=far, distance_sd=sd, distance_from=STRING_AT
-    )
+    sd, (x, y, z) = np.full(count, SD), STRING_AT.tolist()
+    return Measurements.of_tcp(poses, tcp, sd=sd, source=data.source).beside(Distances(far, sd, start=(x, y, z)))
 
 
 def fitted(arm: Arm, data: Measurements) -> Fit:
@@ -124,7 +121,7 @@ def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_pat
     rng = np.random.default_rng(seed)
     far = np.zeros((len(data), 3))
     far[rng.permutation(len(data))[:24]] = rng.normal(scale=0.015, size=(24, 3))
-    report = diagnosed(model, replace(data, tcp=data.tcp + far))
+    report = diagnosed(model, data.with_tcp(data.tcp + far))
     assert report.diagnosis.outlier_distances
     assert not report.patterns.regimes
     assert report.verdict == "nothing_missing"

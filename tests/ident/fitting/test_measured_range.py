@@ -95,7 +95,7 @@ def test_penalties_are_of_forms_only(lab: Arm) -> None:
 def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> None:
     """And one of which they do is not: weights by the marginal likelihood."""
     there = wavy(lab, 150, 1.4)
-    nothing = replace(there, tcp=wavy(lab, 150, 1.4, size=0.0).tcp)
+    nothing = there.with_tcp(wavy(lab, 150, 1.4, size=0.0).tcp)
     keys = effects_at(lab, CURVE)[0].keys
     sizes = []
     for data in (there, nothing):

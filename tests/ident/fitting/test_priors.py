@@ -139,7 +139,7 @@ def test_robust_losses_take_a_prior_too(whole: Model, loss: str) -> None:
     spoiled[::15] += 0.1
     prior = prior_of_typical_sizes(whole)
     clean = fit(whole, data, prior=prior)
-    found = fit(whole, replace(data, tcp=spoiled), loss=loss_named(loss), prior=prior)
+    found = fit(whole, data.with_tcp(spoiled), loss=loss_named(loss), prior=prior)
     fresh = measured(8, 300, noise=0.0)
     rms = [
         np.sqrt(((fresh.tcp - solve_equilibrium(one.model, fresh.poses).tcp) ** 2).sum(1).mean())
@@ -177,7 +177,7 @@ def test_data_without_noise_are_no_trouble(whole: Model) -> None:
     data = measured(2, 60, noise=0.0)
     rng = np.random.default_rng(2)
     true = whole.with_values(rng.normal(0.0, 0.3, len(whole.keys)) * prior.sd_of(whole.keys))
-    exact = replace(data, tcp=solve_equilibrium(true, data.poses).tcp)
+    exact = data.with_tcp(solve_equilibrium(true, data.poses).tcp)
     found = fit(whole, exact, no_bounds(whole.free), prior=prior)
     assert found.sigma < 1e-6
     deviation = (found.model.values - true.values) / prior.sd_of(whole.keys)

@@ -55,7 +55,7 @@ def predicted(seed: int, signal: Array | float) -> PredictableError:
     data = poses_of(seed)
     noise = np.random.default_rng(seed + 1000).normal(size=(len(data), 3)) * NOISE
     residual = noise + signal
-    return predictable_error(replace(data, tcp=reach(data) + residual), blocks_of(data, residual))
+    return predictable_error(data.with_tcp(reach(data) + residual), blocks_of(data, residual))
 
 
 def reach(data: Measurements) -> Array:
@@ -71,7 +71,7 @@ def test_no_block_learns_from_another(seed: int) -> None:
     """The kernel of a block must not come from one that saw its poses: their order changes nothing."""
     data = poses_of(seed, 60)
     residual = np.random.default_rng(seed + 1).normal(size=(60, 3)) * NOISE
-    data, blocks = replace(data, tcp=reach(data) + residual), blocks_of(data, residual)
+    data, blocks = data.with_tcp(reach(data) + residual), blocks_of(data, residual)
     np.testing.assert_array_equal(predictable_error(data, blocks).after, predictable_error(data, blocks[::-1]).after)
 
 
@@ -179,11 +179,11 @@ def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named()
 def test_a_law_of_the_direction_of_approach_is_predicted_and_is_named(seed: int, joint: int) -> None:
     data = poses_of(seed)
     side = np.random.default_rng(seed + 2).choice([-1.0, 1.0], data.poses.q.shape)
-    data = replace(data, poses=replace(data.poses, direction=side), tcp=reach(data))
+    data = replace(data, poses=replace(data.poses, direction=side)).with_tcp(reach(data))
     turned = np.cos(data.poses.q[:, :1] + [0.0, 1.0, 2.0])  # where the joint's play moves the TCP
     noise = np.random.default_rng(seed + 1000).normal(size=(len(data), 3)) * NOISE
     residual = noise + 0.001 * side[:, joint, None] * turned
-    found = predictable_error(replace(data, tcp=data.tcp + residual), blocks_of(data, residual))
+    found = predictable_error(data.with_tcp(data.tcp + residual), blocks_of(data, residual))
     assert found.more_to_find
     assert f"direction of approach of joint {joint + 1}" in found.follows[:2]
     assert found.error.rms < 1.3 * NOISE * np.sqrt(3.0)

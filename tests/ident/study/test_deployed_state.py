@@ -151,7 +151,7 @@ def test_what_remembers_leaves_its_mean_where_its_end_predicts_no_better() -> No
     model = model_of(model.arm, model.effects, {"creep.joint2.k_rad_per_Nm": 0.05, "creep.joint2.T_s": 60.0})
     data = measured({})
     tcp = solve_equilibrium(model, data.poses).tcp + np.random.default_rng(4).normal(0.0, NOISE, (COUNT, 3))
-    state = fitted(replace(data, tcp=tcp), creep).model.state
+    state = fitted(data.with_tcp(tcp), creep).model.state
     assert state is not None
     assert state.carried == {creep: "mean"}
 

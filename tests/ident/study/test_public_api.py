@@ -20,6 +20,10 @@ from pdoc import pdoc
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.distances import Distances
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
+from lrm_ident.data.observations.observation import Observation
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.source import Source
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import loss_named
@@ -116,18 +120,18 @@ def test_a_notebook_shows_what_a_step_left_out_below_the_steps() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("columns", "word"),
+    ("seen", "word"),
     [
-        ({"attitude": np.zeros((2, 3, 3))}, "orientations"),
-        ({"feedback": np.zeros((2, 6))}, "joint feedback"),
-        ({"distance": np.ones(2)}, "distances"),
-        ({"sd": np.ones(2)}, "standard deviations"),
+        (Orientations(np.zeros((2, 3, 3))), "orientations"),
+        (EncoderReadings(np.zeros((2, 6))), "joint feedback"),
+        (Distances(np.ones(2)), "distances"),
     ],
 )
-def test_measurements_name_the_columns_that_they_have(columns: dict[str, Any], word: str) -> None:
+def test_measurements_name_what_was_measured(seen: Observation, word: str) -> None:
     data = lrm.load(lrm.EXAMPLE).take([0, 1])
     assert word not in repr(data)
-    assert word in repr(replace(data, **columns))
+    assert word in repr(data.beside(seen))
+    assert "standard deviations" in repr(data.with_positions(replace(data.positions, sd=np.ones(2))))
 
 
 @pytest.mark.slow
@@ -152,7 +156,7 @@ def test_what_cannot_be_plotted_or_fitted_is_one_clear_line(tmp_path: Path) -> N
     with pytest.raises(LrmError, match="cannot plot a str"):
         lrm.plot("a model", tmp_path / "x.png")
     data = lrm.load(lrm.EXAMPLE)
-    nameless = Measurements.of_tcp(data.poses, data.tcp, data.noise_sd, pose=data.pose)
+    nameless = Measurements.of_tcp(data.poses, data.tcp, data.positions.noise_sd, pose=data.pose)
     with pytest.raises(LrmError, match="no arm"):
         lrm.fit(nameless)
 

@@ -112,7 +112,7 @@ def test_poses_without_a_position_are_refused(fitted: Study) -> None:
     tcp = fitted.data.tcp.copy()
     tcp[3] = np.nan
     with pytest.raises(LrmError, match="1 poses have no measured position"):
-        replace(fitted, data=replace(fitted.data, tcp=tcp)).add_field()
+        replace(fitted, data=fitted.data.with_tcp(tcp)).add_field()
 
 
 @pytest.mark.long
@@ -229,8 +229,8 @@ def world(seed: int, size: float, poses: int) -> Measurements:
     number = np.arange(1, poses + 1)
     data = Measurements.of_tcp(poses_of(q), np.zeros((poses, 3)), NOISE_M, pose=number, source=Source(arm=SMALL))
     tcp = solve_equilibrium(Study.of(data).model, data.poses).tcp + size * waves
-    return replace(
-        data, tcp=tcp + place.normal(0.0, NOISE_M, tcp.shape), source=Source(sha256=f"{seed}-{poses}", arm=SMALL)
+    return replace(data, source=Source(sha256=f"{seed}-{poses}", arm=SMALL)).with_tcp(
+        tcp + place.normal(0.0, NOISE_M, tcp.shape)
     )
 
 

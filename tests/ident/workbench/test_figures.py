@@ -192,7 +192,7 @@ def test_noise_shows_nothing_on_average(seed: int) -> None:
 def test_where_it_fails_is_where_the_error_is(data: Measurements, better_study: lrm.Study) -> None:
     """A turn of joint 4 that follows joint 3, which no fit of the geometry takes away."""
     lever = joint_levers(solve_equilibrium(better_study.model, data.poses))[3].T
-    wrong = replace(data, tcp=data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
+    wrong = data.with_tcp(data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
     where = figure_values(quick_report(lrm.Study.of(wrong).fit().add("backlash@joint2")))["where"]
     assert where == {"joint": 3, "driver": "angle of joint 3"}
 
