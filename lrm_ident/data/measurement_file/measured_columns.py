@@ -42,11 +42,10 @@ def with_comparable(data: Measurements, table: NumberTable, arm: Arm) -> Measure
         notices.append(f"not used: {one.words}; state the standard deviations {needed}")
     if not data.positions.measured.any():
         notices.append(f"no positions: every error is one of the {first.words}")
-    if len(used) > 1:
-        used = [one.weighed() for one in used]
-    seen = replace(data, observations=tuple(used))
+    doubts = [words for one in used for words in one.doubts(arm)]
+    seen = replace(data, observations=tuple(one.weighed() for one in used) if len(used) > 1 else tuple(used))
     _check_definite(seen, table)
-    return seen.noting(*(words for one in used for words in one.doubts(arm)), *notices)
+    return seen.noting(*doubts, *notices)
 
 
 def _check_definite(data: Measurements, table: NumberTable) -> None:

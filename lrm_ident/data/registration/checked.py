@@ -99,12 +99,14 @@ def load_checked(
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     """Doubts about the reading, in words. Raises `Misread`."""
     if data.touched:
-        _check_touches(arm, data)
+        right = "are the names of the points, their places and the joints right, and is it this arm?"
+        _refuse(arm, data, "points that it touched", misread_touches(arm, data), right)
         return ()
     check = check_reading(arm, data)
     if check is None:
         for seen in data.of(Distances):
-            _check_distances(arm, data, seen)
+            right = "are their unit, their fixed point and the joints right, and the arm?"
+            _refuse(arm, data, "distances", misread_distances(arm, data, seen), right)
         return ()
     if not check.right:
         raise Misread(data, check, arm)
@@ -120,25 +122,15 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 
 
-def _check_distances(arm: Arm, data: Measurements, seen: Distances) -> None:
-    """Raises `FileError`: the arm cannot have been so far from the point, as the distances were read."""
-    if misread := misread_distances(arm, data, seen):
+def _refuse(arm: Arm, data: Measurements, of: str, misread: tuple[float, Hypothesis | None] | None, right: str) -> None:
+    """Raises `FileError`: the arm cannot have been where these were measured, as they were read."""
+    if misread:
         missed, found = misread
-        what = f"as read, {arm.name} misses the distances by {missed / MM:.3g} mm"
+        what = f"as read, {arm.name} misses the {of} by {missed / MM:.3g} mm"
         if found is None:
-            raise data.source.fault(what, "are their unit, their fixed point and the joints right, and the arm?")
-        raise data.source.fault(f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.source.stated)}")
-
-
-def _check_touches(arm: Arm, data: Measurements) -> None:
-    """Raises `FileError`: the arm cannot have touched these points, as they were read."""
-    if misread := misread_touches(arm, data):
-        missed, found = misread
-        what = f"as read, {arm.name} misses the points that it touched by {missed / MM:.3g} mm"
-        if found is None:
-            right = "are the names of the points, their places and the joints right, and is it this arm?"
             raise data.source.fault(what, right)
-        raise data.source.fault(f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.source.stated)}")
+        words = f"{' and '.join(found.words)} ({what})"
+        raise data.source.fault(words, f"if so: {remedy(found, data.source.stated)}")
 
 
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:

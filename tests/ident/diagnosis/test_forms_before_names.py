@@ -236,7 +236,8 @@ def test_the_few_poses_that_hold_what_is_left_are_named(lab: Arm, described: Arm
     wrong = data.with_tcp(moved)
     found = diagnose(base_fit(lab, wrong), wrong)
     assert set(data.pose[[10, 40, 70]]) <= {*found.outliers, *found.data.pose[list(found.fit.outliers)]}
-    quieter = replace(found.screening, data=replace(found.data, noise_sd=NOISE / 2))
+    positions = replace(found.data.positions, noise_sd=NOISE / 2)
+    quieter = replace(found.screening, data=found.data.with_positions(positions))
     document = diagnosis_document(build_report(replace(found, screening=quieter)))
     far = document.values["far_poses"]
     assert sorted(far) == [int(found.data.pose[row]) for row in found.fit.outliers]

@@ -344,7 +344,8 @@ NOISE = 3e-4  # m
 
 def unstated(seed: int, count: int, noise: float = NOISE) -> Measurements:
     """The same, of a noise that nobody states."""
-    return replace(measured(seed % 1000, count, noise), noise_sd=None)
+    data = measured(seed % 1000, count, noise)
+    return data.with_positions(replace(data.positions, noise_sd=None))
 
 
 def seen_by(truth: Model, count: int, seed: int) -> Measurements:

@@ -122,7 +122,7 @@ def test_on_its_own_data_the_model_is_whole(names: list[str], more: bool) -> Non
     arm = load_arm(ARM)
     with tempfile.TemporaryDirectory() as folder:
         data = saved(IN_ORDER, Path(folder))
-        sha256 = lrm.load(data, arm=ARM).sha256
+        sha256 = lrm.load(data, arm=ARM).source.sha256
         model = written(model_with(arm, (*LASTING, *names)), Path(folder), sha256)
         if more:
             with data.open("a") as file:

@@ -139,15 +139,15 @@ def test_a_file_predicts_as_the_study_that_wrote_it(with_field: Study, tmp_path:
 def by_command(real: Measurements, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A model of the real arm with a field that the command added, and what it printed."""
     folder = tmp_path_factory.mktemp("real")
-    Study.of(replace(real, arm_name="lrm-lab")).fit("option1").save(folder / "plain.toml")
-    words = ("add", folder / "plain.toml", real.path, "residual_field", "-o", folder / "field.toml")
+    Study.of(replace(real, source=replace(real.source, arm_name="lrm-lab"))).fit("option1").save(folder / "plain.toml")
+    words = ("add", folder / "plain.toml", real.source.path, "residual_field", "-o", folder / "field.toml")
     return folder / "field.toml", " ".join(stdout_of(*words, "--all").split())
 
 
 @pytest.mark.soak
 @pytest.mark.long
 def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[Path, str]) -> None:
-    read = read_study(by_command[0], real.path)
+    read = read_study(by_command[0], real.source.path)
     before, after = (entry.held_out_rms_mm for entry in read.file.history)
     assert before is not None
     assert after is not None
@@ -163,7 +163,7 @@ def test_the_command_says_that_it_is_no_cause(real: Measurements, by_command: tu
     assert WHAT_IT_IS in out
     assert "numbers of a residual field, which are not causes" in out
     assert "residual_field.tool" not in out, "no coefficient means anything alone"
-    _, _, told = run_command("diagnose", file, real.path)
+    _, _, told = run_command("diagnose", file, real.source.path)
     assert "the residual field is left out here" in " ".join(told.split())
 
 
