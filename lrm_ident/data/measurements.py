@@ -22,6 +22,7 @@ from lrm_math.model.equilibrium import Equilibrium, with_borne_loads
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import Sensed
 
+Numbers = NDArray[np.int64]
 Observed = TypeVar("Observed", bound=Observation)
 
 
@@ -37,23 +38,16 @@ class Measurements:
 
     poses: Poses
     observations: tuple[Observation, ...]
-    pose: NDArray[np.int64]
-    repeat_of: NDArray[np.int64]
+    pose: Numbers
+    repeat_of: Numbers
     source: Source = COMPUTED
     _complete: Measurements | None = None
 
     @classmethod
     def of_tcp(
-        cls,
-        poses: Poses,
-        tcp: Array,
-        noise_sd: float | None = None,
-        *,
-        sd: Array | None = None,
-        pose: NDArray[np.int64] | None = None,
-        repeat_of: NDArray[np.int64] | None = None,
-        source: Source = COMPUTED,
-    ) -> Measurements:
+        cls, poses: Poses, tcp: Array, noise_sd: float | None = None, *, sd: Array | None = None,
+        pose: Numbers | None = None, repeat_of: Numbers | None = None, source: Source = COMPUTED,
+    ) -> Measurements:  # fmt: skip
         """Measured positions `tcp` (N, 3), m, of poses that are numbered from 1 where `pose` does not say otherwise."""
         number = np.arange(1, len(tcp) + 1) if pose is None else pose
         seen = (Positions(tcp, sd, noise_sd=noise_sd),)

@@ -79,8 +79,8 @@ class Sensed:
 
     def spans(self, dof: int) -> list[tuple[Measurand, slice]]:
         """Each measurand, and its rows."""
-        ends = np.cumsum([one.rows(dof) for one in self.measurands]).tolist()
-        return [(one, slice(end - one.rows(dof), end)) for one, end in zip(self.measurands, ends, strict=True)]
+        end = 0
+        return [(one, slice(end, end := end + one.rows(dof))) for one in self.measurands]
 
     @property
     def names(self) -> frozenset[str]:
