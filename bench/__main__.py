@@ -59,7 +59,7 @@ def synthetic_data() -> Measurements:
     q = synthetic.random_poses(rig, POSES, seed=1)
     tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, 1), q, 0.0, 3e-4, 1)
     number = np.arange(1, POSES + 1)
-    return Measurements(poses_of(q), number, tcp, None, None, number, Path("synthetic"), "")
+    return Measurements.of_tcp(poses_of(q), tcp, pose=number)
 
 
 def comparisons() -> list[Comparison]:

@@ -42,7 +42,7 @@ def poses_needed(count: int) -> tuple[float, float | None]:
         truth = synthetic.GroundTruth.random(rig, seed)
         data = measured(rig, truth, synthetic.random_poses(rig, count, seed), seed)
         q = synthetic.random_poses(rig, FRESH, seed + 999)
-        fresh = replace(measured(rig, truth, q, 0), tcp=synthetic.measure(rig, truth, q))
+        fresh = measured(rig, truth, q, 0).with_tcp(synthetic.measure(rig, truth, q))
         with_prior.append(_rms_mm(fit(whole, data, prior=prior).model, fresh))
         try:
             eliminated.append(_rms_mm(fit_identifiable(empty, data, empty.keys).fit.model, fresh))

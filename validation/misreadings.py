@@ -14,6 +14,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
+from lrm_ident.data.source import Source
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
@@ -45,7 +46,7 @@ HEALTHY = (*ARMS, "two-joint", "lrm-rover")
 HEALTHY_SEEDS = 6
 HALVES = {"thresholds": 0, "report": 100}
 """First seed of each half."""
-AS_STATED = Reading(unit="mm", angle_unit="deg")
+AS_STATED = Source(stated=Reading(unit="mm", angle_unit="deg"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def random_arm_data(name: str, seed: int, poses: int = POSES, limit_deg: float |
     """Measurements of an arm with the errors of a printed one."""
     rig = synthetic.load_arm(shipped_arms()[name])
     truth = of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
-    return replace(measured(rig, truth, synthetic.random_poses(rig, poses, seed, limit_deg), seed), stated=AS_STATED)
+    return replace(measured(rig, truth, synthetic.random_poses(rig, poses, seed, limit_deg), seed), source=AS_STATED)
 
 
 def healthy_data(name: str, seed: int) -> Measurements:
@@ -90,7 +91,7 @@ def healthy_data(name: str, seed: int) -> Measurements:
     poses = FEW[seed % len(FEW)]
     data = measured(rig, truth, synthetic.random_poses(rig, poses, seed), seed, load=0.0663 * (seed % 2))
     wrong = rng.random(poses) < 0.05 * (seed % 3)
-    return replace(data, tcp=data.tcp + wrong[:, None] * rng.normal(0, 0.05, (poses, 3)), stated=AS_STATED)
+    return replace(data, source=AS_STATED).with_tcp(data.tcp + wrong[:, None] * rng.normal(0, 0.05, (poses, 3)))
 
 
 def misread(name: str, kind: str, seed: int) -> MisreadCase:
@@ -101,7 +102,7 @@ def misread(name: str, kind: str, seed: int) -> MisreadCase:
     data = random_arm_data(name, seed, limit_deg=WITHIN_DEG if kind in SERVOS else None)
     changed = dict(_changes(data.poses.q, data.tcp, rng, name))[kind]
     truth, q, tcp = changed
-    return MisreadCase(arm, replace(data, poses=replace(data.poses, q=q), tcp=tcp), truth)
+    return MisreadCase(arm, replace(data, poses=replace(data.poses, q=q)).with_tcp(tcp), truth)
 
 
 def _changes(

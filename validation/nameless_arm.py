@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -24,10 +24,12 @@ def measured(seed: int, size: float, count: int = 260) -> Measurements:
     rng = np.random.default_rng(seed)
     poses, number = poses_of(rng.uniform(-WIDEST, WIDEST, (count, ARM.dof))), np.arange(1, count + 1)
     nothing = np.zeros((count, 3))
-    plain = Study.of(Measurements(poses, number, nothing, None, NOISE, number, Path("none"), "", arm=ARM))
+    plain = Study.of(Measurements.of_tcp(poses, nothing, NOISE, pose=number, source=Source(arm=ARM)))
     springs = np.where([key.startswith("compliance") for key in plain.model.keys], SOFTNESS, 0.0)
     tcp = solve_equilibrium(plain.model.with_values(springs), poses).tcp + displacement(poses.q, size)
-    return replace(plain.data, tcp=tcp + rng.normal(0.0, NOISE, tcp.shape), sha256=str(seed))
+    return replace(plain.data, source=Source(sha256=str(seed), arm=ARM)).with_tcp(
+        tcp + rng.normal(0.0, NOISE, tcp.shape)
+    )
 
 
 def displacement(q: Array, size: float) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
@@ -21,4 +19,4 @@ def measured(
     """Measurements of a tracker at poses (N, n) with a load (kg)."""
     number = np.arange(1, len(q) + 1)
     tcp = synthetic.measure(arm, truth, q, load, NOISE, seed)
-    return Measurements(poses_of(q, load), number, tcp, None, NOISE, number, Path("synthetic"), "")
+    return Measurements.of_tcp(poses_of(q, load), tcp, NOISE, pose=number)

@@ -14,12 +14,12 @@ import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.design.installation import COUNTS, expected_errors, installation_poses
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.transfer import INSTALLED
@@ -110,7 +110,7 @@ def _measured(
     tcp = synthetic.measure(arm, truth, q, 0.0, 0.0 if seed is None else NOISE, seed or 0)
     number, described = np.arange(1, len(q) + 1), arm_file.load_arm(name)
     poses = Poses(q, np.zeros(len(q)), directions(q, np.zeros(q.shape[1])))
-    return Measurements(poses, number, tcp, None, NOISE, number, Path(f"{name}.csv"), "", arm=described, arm_name=name)
+    return Measurements.of_tcp(poses, tcp, NOISE, pose=number, source=Source(arm=described, arm_name=name))
 
 
 def _fitted(effects: Sequence[str], data: Measurements) -> Study:

@@ -104,9 +104,9 @@ def leave_out_poses(data: Measurements, text: str) -> Measurements:
         if int(last or first) < int(first):
             raise LrmError(f"--leave-out {text}: '{word}' runs backwards; is {last}-{first} meant?")
         numbers += range(int(first), int(last or first) + 1)
-    unknown = sorted(set(numbers) - {*data.pose.tolist(), *data.left_out})
+    unknown = sorted(set(numbers) - {*data.pose.tolist(), *data.source.left_out})
     if unknown:
-        raise LrmError(f"--leave-out {text}: {data.path.name} has no pose {unknown[0]}")
+        raise LrmError(f"--leave-out {text}: {data.source.path.name} has no pose {unknown[0]}")
     if set(data.pose.tolist()) <= set(numbers):
         raise LrmError(f"--leave-out {text}: leaves none of the {len(data)} poses")
     return data.without(numbers) if numbers else data
@@ -138,7 +138,7 @@ def read_measurements(
 ) -> Measurements:
     """Measurements that the arm can have made; what a person should know of the file goes to stderr."""
     data = inputs.read_measurements(path, arm, arm_name, reading, usual, part)
-    notice(*data.notices)
+    notice(*data.source.notices)
     return data
 
 

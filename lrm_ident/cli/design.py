@@ -100,7 +100,7 @@ def choose_poses(
     model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
         found = select_poses(model, measured, count, kind, physical, seed, tick)
-    placed = replace(measured, tcp=measured.places(solve_equilibrium(model, measured.poses)))
+    placed = measured.with_tcp(measured.places(solve_equilibrium(model, measured.poses)))
     publish(choice_document(model, found, placed), json, figure, partial(draw_choice, found, placed))
     if output:
         write_text(output, measurements_csv(measured.take(found.rows)))
@@ -329,7 +329,7 @@ def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:
 def _next_number(commanded: Poses | None, measured: Measurements | None) -> int:
     """The first number of a pose that no earlier one has, those left out included."""
     taken: Sequence[int] = () if commanded is None else commanded.names(np.arange(len(commanded)))
-    return max((0, *taken, *(() if measured is None else measured.left_out))) + 1
+    return max((0, *taken, *(() if measured is None else measured.source.left_out))) + 1
 
 
 def _weights(camera: CameraSession | None, alike: Measurements | None, arm: Arm) -> Callable[[Poses], Whitening]:

@@ -208,7 +208,7 @@ def auto(
 def nominal_rms(study: Study) -> float | None:
     """RMS error (m) of the nominal arm on a study's data, where its model file has it of these."""
     first = study.file.history[0] if study.file.history else None
-    if first is None or first.nominal_rms_mm is None or not of_data(first, study.data.sha256):
+    if first is None or first.nominal_rms_mm is None or not of_data(first, study.data.source.sha256):
         return None
     return first.nominal_rms_mm * MM
 

@@ -182,7 +182,7 @@ def compare(
     part = Measurements.only if left_out else Measurements.without
     with opened(model, data, effects_file, reading, part) as study:
         known = study.file.provenance
-        if known and known.data_sha256 != study.data.sha256:
+        if known and known.data_sha256 != study.data.source.sha256:
             notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
         comparison = study.compare()
     if mcap is not None:
@@ -239,7 +239,7 @@ def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path 
     loaded = read_model(start, catalogue)[1] if start else None
     if start and loaded:
         check_arm(start, loaded.arm, arm)
-        loaded, left_out = model_for_data(loaded, data.path, data.sha256)
+        loaded, left_out = model_for_data(loaded, data.source.path, data.source.sha256)
         notice(*left_out)
     if effects is None and loaded:
         return loaded

@@ -54,12 +54,6 @@ def skew(v: Array) -> Array:
     return np.moveaxis(np.array([[o, -z, y], [z, o, -x], [-y, x, o]]), (0, 1), (-2, -1))
 
 
-def turned_covariance(covariance: Array, rotation: Array) -> Array:
-    """(N, 6, 6), covariances of position and rotation vector in axes turned by (3, 3); NaN stays where it stands."""
-    both = np.kron(np.eye(2), rotation)
-    return np.where(np.isnan(covariance), np.nan, both @ np.nan_to_num(covariance) @ both.T)
-
-
 def turn(axis: Sequence[float], angle: float) -> Array:
     """(4, 4), rotation about a unit axis (Rodrigues' formula), rad."""
     K, out = skew(np.array(axis)), np.eye(4)

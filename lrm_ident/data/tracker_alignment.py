@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.known_columns import POSITION, commanded_quantities
+from lrm_ident.data.measurement_file.known_columns import commanded_quantities
 from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_csv, read_numbers
+from lrm_ident.data.measurement_file.pose_quantity import POSITION
 from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.table_text.csv_file import CsvTable

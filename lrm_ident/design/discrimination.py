@@ -64,7 +64,7 @@ class UnsuitableRival(LrmError):
 
 def check_testable(settled: Equilibrium, effects: Sequence[Effect], sensed: Sensed = TCP_ONLY) -> None:
     """Raises `LrmError` if an effect is not testable at the poses of an equilibrium, by what is measured there."""
-    excitation = Excitation(settled.poses, settled.joint_torque, sensed.feedback, sensed.distance_from is not None)
+    excitation = Excitation(settled.poses, settled.joint_torque, sensed.names)
     for effect in effects:
         reason = effect.missing_excitation(excitation)
         if reason is not None:

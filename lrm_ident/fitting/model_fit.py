@@ -59,7 +59,7 @@ def fit_model(
     """
     result = _fit_named(with_set_up(model, data), data, parameters, loss, unbounded, prior)
     weighed = with_model_error(data, result.fit.equilibrium, result.fit.effective_parameters)
-    if weighed.model_sd > MODEL_ERROR_GROWTH * data.model_sd:
+    if weighed.positions.model_sd > MODEL_ERROR_GROWTH * data.positions.model_sd:
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
     off_bounds = np.array([key not in result.fit.at_bound for key in result.fit.model.free], dtype=np.bool_)
     told = result.fit.told[off_bounds & np.isfinite(result.fit.told)]

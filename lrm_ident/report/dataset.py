@@ -27,12 +27,12 @@ class DatasetCheck:
     @classmethod
     def of(cls, data: Measurements, metadata: Metadata | None) -> DatasetCheck:
         """The check of some measurements and the metadata beside them. Raises `FileError`."""
-        table = read_table(data.path)
+        table = read_table(data.source.path)
         stated = tuple(column.stated for column in table.columns)
         faults = card_faults(metadata.card if metadata else None)
         if metadata is None or metadata.arm is None:
             faults["arm file"] = "arm in the metadata: a shipped arm, or the path of an arm file beside it"
-        if data.noise_sd is None and data.sd is None and data.covariance is None:
+        if data.sd is None and data.positions.noise_sd is None:
             faults["noise_sd_mm"] = NO_NOISE
         if not {"q1_deg"} <= {*stated} or not {"x_mm", "distance_mm"} & {*stated}:
             faults["columns"] = NOT_STANDARD
@@ -56,7 +56,7 @@ def dataset_document(found: DatasetCheck) -> Document:
         ("columns", ", ".join(found.columns)),
         *((name, value if isinstance(value, str) else ", ".join(value)) for name, value in stated.items() if value),
     ]
-    blocks: list[Block] = [heading(verdict), ResultTable(("what", "is"), rows, data.path.name)]
+    blocks: list[Block] = [heading(verdict), ResultTable(("what", "is"), rows, data.source.path.name)]
     if found.faults:
         blocks.append(ResultTable(("missing", "what would be right"), tuple(found.faults.items())))
     values = {
@@ -66,6 +66,6 @@ def dataset_document(found: DatasetCheck) -> Document:
         "columns": found.columns,
         "card": found.card.model_dump(exclude_none=True),
         "missing": dict(found.faults),
-        "sha256": data.sha256,
+        "sha256": data.source.sha256,
     }
     return Document(blocks, "lrm/dataset-check/1", values)

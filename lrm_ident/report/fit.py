@@ -97,7 +97,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     model = fit.model
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], float(np.linalg.norm(fit.residual[row]) * 1e3)) for row in fit.outliers]
-    how = fit_words(fit.loss.name, data.left_out)
+    how = fit_words(fit.loss.name, data.source.left_out)
     unseen = "" if held_out is None else f"; {wording.UNSEEN} it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
@@ -121,7 +121,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         "poses": len(data),
         "parameters": len(model.free),
         "loss": fit.loss.name,
-        "left_out": data.left_out,
+        "left_out": data.source.left_out,
         "prior": None if fit.stated is None else fit.stated.name,
         "error": error_values(errors),
         "residual_sd_per_axis_mm": fit.sigma * 1e3,

@@ -175,7 +175,7 @@ class ModelReport:
         """The story with what steps are by their number."""
         if not self.file.history:
             return None
-        held = [one.held_out_rms_mm if of_data(one, self.poses.sha256) else None for one in self.file.history]
+        held = [one.held_out_rms_mm if of_data(one, self.poses.source.sha256) else None for one in self.file.history]
         here = [one.error.rms * 1e3 for one in self.field.steps]
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
@@ -198,12 +198,12 @@ class ModelReport:
 def models_of_steps(study: Study) -> list[tuple[str, Model]]:
     """The model after each step of a study's history, by its name. Raises `FileError`."""
     steps, arm = models_of_history(study.file), study.model.arm
-    return [(name, to_model(study.data.path, one, arm, study.catalogue)) for name, one in steps]
+    return [(name, to_model(study.data.source.path, one, arm, study.catalogue)) for name, one in steps]
 
 
 def models_on_data(study: Study) -> list[tuple[str, Model]]:
     """The same, each as far as it applies to the study's data (`model_for_data`)."""
-    path, sha256 = study.data.path, study.data.sha256
+    path, sha256 = study.data.source.path, study.data.source.sha256
     return [(name, model_for_data(one, path, sha256)[0]) for name, one in models_of_steps(study)]
 
 

@@ -70,12 +70,9 @@ def noise_floor(data: Measurements, equilibrium: Equilibrium, explained: Array |
     Args:
         explained: (N, R), what an effect that the model lacks would explain of the residuals.
     """
-    alone = data.distance is not None and not len(data.positions)
-    measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
+    measured, rows = data.first.numbers, data.first.rows
     axes = measured.shape[1]
-    left = data.residual(equilibrium) - explained
-    left = left[:, -1:] if alone else left[:, :axes]
-    rows = np.flatnonzero(~np.isnan(measured[:, 0]))
+    left = (data.residual(equilibrium) - explained)[:, data.rows_of(data.first)]
     numbers, count = np.unique(data.repeat_of[rows], return_counts=True)
     repeats = [rows[data.repeat_of[rows] == number] for number in numbers[count > 1]]
     if any(np.ptp(measured[rows], axis=0).any() for rows in repeats):
@@ -84,4 +81,5 @@ def noise_floor(data: Measurements, equilibrium: Equilibrium, explained: Array |
         return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes, degrees_of_freedom)
     if data.sd is not None:
         return NoiseFloor(float(np.sqrt(np.mean(data.sd**2))), "metadata", axes)
-    return NoiseFloor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata", axes)
+    noise = data.positions.noise_sd
+    return NoiseFloor(noise, "unknown" if noise is None else "metadata", axes)

@@ -101,7 +101,7 @@ def load(
     name, described = arm_for(file, None if arm is None else arm_named(arm))
     part = partial(Measurements.without, numbers=leave_out) if len(leave_out) else every_pose
     data = inputs.read_measurements(file, described, name, reading_of(reading), part=part)
-    for words in data.notices:
+    for words in data.source.notices:
         warnings.warn(str(words), stacklevel=3)
     return data
 
@@ -217,16 +217,16 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
 def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> Study:
     """Study of a model on these data, with the anchor of measured distances. Raises `LrmError`."""
     the_model = model_of_fit(model)
-    check_same_arm(the_model, measurements_of(data).arm)
+    check_same_arm(the_model, measurements_of(data).source.arm)
     check_poses(the_model, data.poses)
     fitted_with = model.loss if isinstance(model, Fit | Study) else SQUARED
     how = fitted_with if loss is None else loss_named(loss)
     step = model.step if isinstance(model, Study) else None
     fitted = model if step is None else step.fit
     numbers = fitted.equilibrium.poses.number if isinstance(fitted, Fit) else None
-    apart = numbers is not None and the_model.fitted_to == data.sha256 and not np.isin(data.pose, numbers).any()
-    here = _here(the_model, data.path, data.sha256)
-    return Study(with_set_up(here, data), data, data.arm_name or the_model.arm.name, loss=how, apart=apart)
+    apart = numbers is not None and the_model.fitted_to == data.source.sha256 and not np.isin(data.pose, numbers).any()
+    here = _here(the_model, data.source.path, data.source.sha256)
+    return Study(with_set_up(here, data), data, data.source.arm_name or the_model.arm.name, loss=how, apart=apart)
 
 
 def _here(model: Model, data: Path | None, sha256: str, poses: Poses | None = None) -> Model:

@@ -42,7 +42,7 @@ class FittedPart:
 
     def __call__(self, data: Measurements) -> Measurements:
         """The poses of measurements that it chooses."""
-        return self.select(data, self.left_out if data.sha256 == self.data_sha256 else ())
+        return self.select(data, self.left_out if data.source.sha256 == self.data_sha256 else ())
 
 
 def read_study(
@@ -75,10 +75,10 @@ def read_study(
     if provenance is not None:
         chosen = FittedPart(part, tuple(provenance.left_out), provenance.data_sha256)
     measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual, chosen)
-    notices += as_read(measured.notices)
-    if provenance is not None and (provenance.loss != "squared" or measured.left_out):
-        notices += (Notice(NoticeKind.AS_FITTED, (provenance.loss,), tuple(measured.left_out)),)
-    here, left_out = model_for_data(loaded, measured.path, measured.sha256)
+    notices += as_read(measured.source.notices)
+    if provenance is not None and (provenance.loss != "squared" or measured.source.left_out):
+        notices += (Notice(NoticeKind.AS_FITTED, (provenance.loss,), tuple(measured.source.left_out)),)
+    here, left_out = model_for_data(loaded, measured.source.path, measured.source.sha256)
     anchored = with_set_up(here, measured)
     parameters = effective_parameters(file, anchored, catalogue)
     weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), parameters)
@@ -136,10 +136,10 @@ def read_measurements(
         part: chooses poses; the others are neither tested nor taken.
     """
     data = load_checked(path, arm, reading, usual, part)
-    notices = [f"{path.name}: {words}" for words in data.notices]
-    if data.arm_name not in (None, arm_name):
-        notices.append(f"{path.name} was measured on {data.arm_name}, the model is of {arm_name}")
-    return replace(data, arm_name=arm_name, notices=tuple(notices))
+    notices = [f"{path.name}: {words}" for words in data.source.notices]
+    if data.source.arm_name not in (None, arm_name):
+        notices.append(f"{path.name} was measured on {data.source.arm_name}, the model is of {arm_name}")
+    return replace(data, source=replace(data.source, arm_name=arm_name, notices=tuple(notices)))
 
 
 def arm_from(model: Path, arm: str) -> str:

@@ -47,7 +47,7 @@ class ModelOnData:
 
     Attributes:
         model: its free parameters are those that the next step fits.
-        data: the measurements that are fitted; `data.left_out`: numbers of those that are not.
+        data: the measurements that are fitted; `data.source.left_out`: numbers of those that are not.
         arm: name of a shipped arm or path of an arm file, as in a model file.
         catalogue: every effect that may be tried or named.
         loss: of fits.
@@ -84,8 +84,8 @@ class ModelOnData:
         """Whether it is known to be fitted to none of these poses: to other data, or with all of them left out."""
         provenance = None if self.source is None else self.source.provenance
         if provenance is None:
-            return self.step is None and (self.apart or self.model.fitted_to not in (None, self.data.sha256))
-        return provenance.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*provenance.left_out}
+            return self.step is None and (self.apart or self.model.fitted_to not in (None, self.data.source.sha256))
+        return provenance.data_sha256 != self.data.source.sha256 or {*self.data.pose.tolist()} <= {*provenance.left_out}
 
     @cached_property
     def covariance(self) -> Covariance | None:
@@ -94,8 +94,8 @@ class ModelOnData:
             return Covariance(self.step.fit.model.free, self.step.fit.covariance)
         if self.source is None:
             return None
-        whole = to_model(self.data.path, self.source, self.model.arm, self.catalogue)
-        stored = covariance_of(self.data.path, self.source, whole)
+        whole = to_model(self.data.source.path, self.source, self.model.arm, self.catalogue)
+        stored = covariance_of(self.data.source.path, self.source, whole)
         return None if stored is None else stored.marginal(whole, self.model)
 
     @property

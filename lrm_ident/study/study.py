@@ -79,12 +79,12 @@ class Study(ModelOnData, ShownInNotebook):
 
         `catalogue`: all effects, or a file with one's own. Raises `LrmError`: no arm, or an unknown effect.
         """
-        arm = measurements_of(data).arm
+        arm = measurements_of(data).source.arm
         if arm is None:
-            raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
+            raise LrmError(f"{data.source.path}: no arm; give measurements that were loaded with one")
         effects_known = catalogue_with(catalogue) if isinstance(catalogue, str | Path) else catalogue
         model = nominal_model(arm, names_of(effects), effects_known)
-        return Study(model, data, data.arm_name or arm.name, effects_known, progress=progress)
+        return Study(model, data, data.source.arm_name or arm.name, effects_known, progress=progress)
 
     def fit(
         self,
@@ -260,8 +260,9 @@ class Study(ModelOnData, ShownInNotebook):
         if before is not None:
             return before
         file = undo_step(self.file)
-        model = to_model(self.data.path, file, self.model.arm, self.catalogue)
-        return replace(self, model=model_for_data(model, self.data.path, self.data.sha256)[0], source=file, step=None)
+        of = self.data.source
+        model = to_model(of.path, file, self.model.arm, self.catalogue)
+        return replace(self, model=model_for_data(model, of.path, of.sha256)[0], source=file, step=None)
 
     def identifiable(self) -> Study:
         """The study without a residual field, fitted with typical sizes as all steps are, not with another prior."""

@@ -132,12 +132,12 @@ def html_report(found: ModelReport) -> str:
     """The report's text."""
     arm, known = found.file.arm, found.file.provenance
     name = Path(arm).stem if arm.endswith(".toml") else arm  # of an arm file without its folder
-    title = f"{name}: model and measurements {found.poses.path.name}"
+    title = f"{name}: model and measurements {found.poses.source.path.name}"
     made = "" if known is None else f"; fitted {known.date[:10]} with {known.tool}"
     document = found.document()
     sentence = "" if found.story is None else found.story.sentence
     facts = blocks_html([Facts(found.facts)] if found.facts else ())
-    said = f'<p class="lrm-soft">{escape(f"{found.field.poses} poses of {found.poses.path.name}{made}")}</p>'
+    said = f'<p class="lrm-soft">{escape(f"{found.field.poses} poses of {found.poses.source.path.name}{made}")}</p>'
     told = TOLD.format(verdict=escape(found.verdict), sentence=escape(sentence), facts=facts)
     main = MAIN.format(told=told, beside=BESIDE, below=BELOW, numbers=numbers_html(found))
     body = FRAME.format(title=escape(title), said=said, controls="", marked="", main=main)

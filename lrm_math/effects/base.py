@@ -108,13 +108,12 @@ class Parameter:
 class Excitation:
     """Excitation of effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
 
-    `feedback`: whether the joints' encoders were read. `distance`: whether distances from a point were measured.
+    `measured`: names of what is measured (`lrm_math.model.sensed`).
     """
 
     poses: Poses
     torque: Array
-    feedback: bool = False
-    distance: bool = False
+    measured: frozenset[str] = frozenset()
 
     @cached_property
     def _levels(self) -> tuple[int, ...]:

@@ -141,7 +141,7 @@ class ServoDroop(PlainSpring, LoadedJointEffect):
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint's encoder must have been read."""
-        if excitation.feedback:
+        if "feedback" in excitation.measured:
             return None
         return "without joint feedback (q1_meas_deg …) it is the same as the joint's compliance: one class"
 

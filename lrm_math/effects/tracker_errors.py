@@ -174,7 +174,7 @@ class Anchor(LinearEffect):
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Distances must have been measured."""
-        return None if excitation.distance else "no distances (distance_mm) were measured"
+        return None if "distance" in excitation.measured else "no distances (distance_mm) were measured"
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The three directions."""

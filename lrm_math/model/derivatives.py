@@ -18,17 +18,14 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.effects.base import Amounts
 from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
-from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
-from lrm_math.kinematics.scalar_or_array import linear_combination
-from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion, frame_basis
+from lrm_math.model.effect_binding import BoundEffect, bind_effect, changes_of
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
-from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
+from lrm_math.model.sensed import TCP_ONLY, Column, Sensed
 
 BLOCK = 1000
 """Poses whose Jacobian is computed at once: memory grows with the poses only by what is returned."""
@@ -84,7 +81,7 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     """The response at an equilibrium."""
     model, chain = settled.model, settled.model.chain
     geometry = chain_geometry(chain, settled.slots, len(settled.poses), [weight.com for weight in settled.weights])
-    rigid = _as_measured(slot_jacobian(chain, geometry), settled, geometry, sensed)
+    rigid = _as_measured(settled, geometry, sensed)
     acting = _Compliance.of(settled)
     loads = np.zeros((len(model.load_slots), *rigid.shape[1:]))
     if not acting.loads:
@@ -97,8 +94,7 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     inverse = np.ascontiguousarray(np.linalg.inv(system).transpose(1, 2, 0))
     # J_E D: what the TCP does if a load is added and the deflection does not load the arm anew
     deflected = np.einsum("man,mcn->acn", D, rigid[moving])
-    if sensed.feedback:
-        _add_before_encoder(deflected, settled, sensed, acting.loads)
+    _add_before_encoders(deflected, settled, sensed, acting.loads)
     # Λ = J_E D (I − H D)⁻¹, and below J + Λ H
     by_load = np.einsum("abn,acn->bcn", inverse, deflected)
     loads[list(acting.loads)] = by_load
@@ -112,46 +108,21 @@ def joint_levers(settled: Equilibrium) -> Array:
     return np.asarray(respond(settled).slots[list(settled.model.chain.joint_slots)])
 
 
-def _as_measured(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
-    """(S, R, N), the Jacobian of the TCP (S, 3, N) in the tracker's distorted frame, with the rows of its attitude,
-    empty ones of the encoders, and that of its distance from a point: the TCP's motion along the line.
-
-    An attitude error is a rotation vector in world axes. A motion that is added before an encoder adds to its row.
-    """
-    chain, parts = settled.model.chain, [rigid]
-    if settled.model.binding.distorting:
-        parts = [np.einsum("dcn,scn->sdn", _distortion_derivatives(settled), rigid)]
-    if sensed.attitude:
-        parts.append(np.where(chain.rotates[:, None, None], geometry.axis, 0.0))
-    if sensed.feedback:
-        parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
-    if sensed.distance_from is not None:
-        parts.append(np.einsum("nc,scn->sn", along_distance(settled, sensed.distance_from), rigid)[:, None])
+def _as_measured(settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
+    """(S, R, N), the Jacobian of what is measured of a rigid arm."""
+    chain = settled.model.chain
+    tcp = slot_jacobian(chain, geometry)
+    parts = [one.by_slots(settled, geometry, tcp) for one in sensed.measurands]
     return statics.carried_along(chain, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0])
 
 
-def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, acting: Sequence[int]) -> None:
+def _add_before_encoders(deflected: Array, settled: Equilibrium, sensed: Sensed, acting: Sequence[int]) -> None:
     """Adds to deflected (A, R, N), of the `acting` loads, what loads do to the encoders' angles."""
     for bound in settled.model.binding.elastic:
         if not bound.idle and any(encoder is not None for encoder in bound.encoders):
             rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
-            for i, amounts in zip(bound.loads, rows, strict=True):
-                for encoder, amount in zip(bound.encoders, amounts, strict=True):
-                    if encoder is not None:
-                        deflected[acting.index(i), sensed.first_feedback + encoder] += amount
-
-
-def _distortion_derivatives(settled: Equilibrium) -> Array:
-    """(3, 3, N), ∂(measured TCP)/∂TCP in the tracker's distorted frame."""
-    by_position = np.repeat(np.eye(3)[:, :, None], len(settled.poses), axis=2)
-    # forward-mode differentiation (dual numbers) through the tracker's effects, one after the other
-    moving = [Dual(x, slope) for x, slope in zip(settled.true_tcp.T, by_position.copy(), strict=True)]
-    for bound in settled.model.binding.distorting:
-        added = distortion(bound, bound.at(settled.poses), moving)  # type: ignore[arg-type]
-        for row, amount in enumerate(added):
-            if isinstance(amount, Dual):
-                by_position[row] += amount.slope
-    return by_position
+            by_load = [(deflected[acting.index(i)], amounts) for i, amounts in zip(bound.loads, rows, strict=True)]
+            _add_direct(by_load, bound, settled, sensed)
 
 
 def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, sensed: Sensed = TCP_ONLY) -> Array:
@@ -163,14 +134,29 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
         blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
         return np.concatenate([parameter_jacobian(settled.take(rows), keys, sensed) for rows in blocks])
     model, response = settled.model, respond(settled, sensed)
-    position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
-    out = np.zeros((len(position), response.slots.shape[1], len(settled.poses)))
-    for bound, span in zip(model.binding.bound, model.spans, strict=True):
-        columns = {row: position[key] for row, key in enumerate(model.keys[span]) if key in position}
-        if columns:
-            rows = bound.by_parameters(settled.poses, settled.tau, [*columns])
-            _add_responses(zip(map(out.__getitem__, columns.values()), rows, strict=True), bound, response)
+    out = np.zeros((len(model.keys if keys is None else keys), response.slots.shape[1], len(settled.poses)))
+    for bound, columns in _by_effect(out, settled, model.keys if keys is None else keys):
+        _add_responses(columns, bound, response)
     return out.transpose(2, 1, 0)
+
+
+def direct_jacobian(settled: Equilibrium, keys: Sequence[str], sensed: Sensed) -> Array:
+    """(N, R, P), the part of `parameter_jacobian` by which parameters change what is measured and not the arm: all of
+    it for those of the tracker and of the measuring set-up."""
+    out = np.zeros((len(keys), sensed.rows(settled.model.arm.dof), len(settled.poses)))
+    for bound, columns in _by_effect(out, settled, keys):
+        _add_direct(columns, bound, settled, sensed)
+    return out.transpose(2, 1, 0)
+
+
+def _by_effect(out: Array, settled: Equilibrium, keys: Sequence[str]) -> Iterator[tuple[BoundEffect, list[Column]]]:
+    """The effects of a model, each with the columns of `out` (P, R, N) that are of its own parameters among `keys`."""
+    model, position = settled.model, {key: column for column, key in enumerate(keys)}
+    for bound, span in zip(model.binding.bound, model.spans, strict=True):
+        own = {row: position[key] for row, key in enumerate(model.keys[span]) if key in position}
+        if own:
+            rows = bound.by_parameters(settled.poses, settled.tau, [*own])
+            yield bound, list(zip(map(out.__getitem__, own.values()), rows, strict=True))
 
 
 def effect_columns(
@@ -196,17 +182,17 @@ def joint_jacobian(settled: Equilibrium) -> Array:
     out = response.slots[list(model.chain.joint_slots)]
     for bound in (*model.binding.rigid, *model.binding.elastic, *model.binding.loading):
         rows = bound.by_angles(settled.poses, bound.own_loads(settled.tau))
-        _add_responses(zip(out, rows, strict=True), bound, response)
+        _add_responses([*zip(out, rows, strict=True)], bound, response)
     return out.transpose(2, 1, 0)
 
 
-def _add_responses(columns: Iterable[tuple[Array, Amounts]], bound: BoundEffect, response: Response) -> None:
+def _add_responses(columns: Sequence[Column], bound: BoundEffect, response: Response) -> None:
     """Adds to each column (R, N) how what is measured follows its amounts at the effect's targets."""
     if bound.kind in (Kind.MOTION, Kind.LOAD):
         for out, amounts in columns:
-            for k, encoder, amount in zip(bound.slots, bound.encoders, amounts, strict=True):
+            for k, amount in zip(bound.slots, amounts, strict=True):
                 if not is_zero(amount):
-                    _add_slot(out, bound.kind, k, encoder, amount, response)
+                    _add_slot(out, bound.kind, k, amount, response)
     elif bound.kind is Kind.WEIGHT:
         for out, amounts in columns:
             for body, change in changes_of(bound.effect, amounts):
@@ -215,23 +201,19 @@ def _add_responses(columns: Iterable[tuple[Array, Amounts]], bound: BoundEffect,
         for out, amounts in columns:
             for moved, amount in zip(response.gravity_derivatives, amounts, strict=True):
                 out += moved * amount
-    elif bound.kind is Kind.FRAME:
-        basis = frame_basis(bound, list(response.equilibrium.true_tcp.T))
-        for out, amounts in columns:
-            for component, amount in zip(out, linear_combination(amounts, basis, 3), strict=False):
-                component += amount
-    elif response.sensed.distance_from is not None:
-        line = along_distance(response.equilibrium, response.sensed.distance_from)
-        for out, amounts in columns:
-            out[-1] -= line @ anchor_shift(bound.effect, amounts)
+    _add_direct(columns, bound, response.equilibrium, response.sensed)
 
 
-def _add_slot(out: Array, kind: Kind, k: int, encoder: int | None, amount: Number, response: Response) -> None:
+def _add_direct(columns: Sequence[Column], bound: BoundEffect, settled: Equilibrium, sensed: Sensed) -> None:
+    """Adds to each column (R, N) what an effect does to what is measured beside moving the arm."""
+    for one, rows in sensed.spans(settled.model.arm.dof):
+        one.add_direct([(out[rows], amounts) for out, amounts in columns], bound, settled)
+
+
+def _add_slot(out: Array, kind: Kind, k: int, amount: Number, response: Response) -> None:
     """Adds the response to a motion of slot k, or to a load on it."""
     if kind is Kind.MOTION:
         out += response.slots[k] * amount
-        if encoder is not None and response.sensed.feedback:
-            out[response.sensed.first_feedback + encoder] += amount
     elif k in (load_slots := response.equilibrium.model.load_slots):
         out += response.loads[load_slots.index(k)] * amount
 

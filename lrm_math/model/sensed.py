@@ -1,41 +1,91 @@
-"""Measured quantities of a pose beside the TCP's position: rows of its derivative, and what encoders read."""
+"""Quantities of a pose that instruments measure: the rows of its derivatives, the TCP's position first."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array
+from lrm_math.effects.base import Amounts
+from lrm_math.effects.targets import Kind
 from lrm_math.kinematics.chain import Number
-from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.dual import Dual
+from lrm_math.kinematics.forward import ChainGeometry, frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.effect_binding import anchor_shift
+from lrm_math.kinematics.scalar_or_array import linear_combination
+from lrm_math.model.effect_binding import BoundEffect, distortion, frame_basis
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
+
+Column = tuple[Array, Amounts]
+"""A column of derivatives (k, N) to add to, and the amounts at an effect's targets for one unit of its parameter."""
+
+
+class Measurand(ABC):
+    """A quantity of a pose that can be measured: k rows of derivatives.
+
+    Subclasses are frozen dataclasses: a response is kept for the measurands that it is of. `name`: as effects that need
+    it say it.
+    """
+
+    name: ClassVar[str]
+
+    def rows(self, dof: int) -> int:
+        """Number k of its rows at one pose of an arm with so many joints."""
+        return 3
+
+    @abstractmethod
+    def by_slots(self, settled: Equilibrium, geometry: ChainGeometry, tcp: Array) -> Array:
+        """(S, k, N), derivatives by a motion of each slot alone, rigid arm; `tcp`: (S, 3, N), those of the TCP."""
+
+    def add_direct(self, columns: Sequence[Column], bound: BoundEffect, settled: Equilibrium) -> None:  # noqa: B027
+        """Adds to each column what an effect does to the quantity beside moving the arm; nothing by default."""
+
+
+@dataclass(frozen=True)
+class TcpPosition(Measurand):
+    """Position of the TCP (m), in the distorted frame of its tracker."""
+
+    name = "position"
+
+    def by_slots(self, settled: Equilibrium, geometry: ChainGeometry, tcp: Array) -> Array:
+        """The TCP's own."""
+        if not settled.model.binding.distorting:
+            return tcp
+        return np.asarray(np.einsum("dcn,scn->sdn", _distortion_derivatives(settled), tcp))
+
+    def add_direct(self, columns: Sequence[Column], bound: BoundEffect, settled: Equilibrium) -> None:
+        """What distorts the frame, or moves it."""
+        if bound.kind is Kind.FRAME:
+            basis = frame_basis(bound, list(settled.true_tcp.T))
+            for out, amounts in columns:
+                for component, amount in zip(out, linear_combination(amounts, basis, 3), strict=True):
+                    component += amount
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """Rows of each pose: the TCP's position (3), its `attitude` (3), every joint's `feedback` (n), its distance (1).
+    """What is measured of each pose, in the order of its rows R; the TCP's position first."""
 
-    `distance_from`: point from which the last one is measured as far as it is stated (m), else the origin; None: none.
-    """
-
-    attitude: bool = False
-    feedback: bool = False
-    distance_from: tuple[float, float, float] | None = None
+    measurands: tuple[Measurand, ...] = (TcpPosition(),)
 
     def rows(self, dof: int) -> int:
         """Number of rows R of one pose."""
-        return 3 + 3 * self.attitude + dof * self.feedback + (self.distance_from is not None)
+        return sum(one.rows(dof) for one in self.measurands)
+
+    def spans(self, dof: int) -> list[tuple[Measurand, slice]]:
+        """Each measurand, and its rows."""
+        end = 0
+        return [(one, slice(end, end := end + one.rows(dof))) for one in self.measurands]
 
     @property
-    def first_feedback(self) -> int:
-        """Row of the first joint's feedback, if there is one."""
-        return 3 + 3 * self.attitude
+    def names(self) -> frozenset[str]:
+        """Names of what is measured."""
+        return frozenset(one.name for one in self.measurands)
 
 
 TCP_ONLY = Sensed()
@@ -65,15 +115,14 @@ def tool_rotation(settled: Equilibrium) -> Array:
     return frames(settled.model.chain, settled.slots, len(settled.poses))[:, -1, :3, :3]
 
 
-def from_anchor(settled: Equilibrium, stated: ArrayLike) -> Array:
-    """(N, 3), TCP less the fixed point of measured distances (m): the stated one, and what effects add to it."""
-    point = np.asarray(stated, dtype=np.float64)
-    for bound in settled.model.binding.anchoring:
-        point = point + anchor_shift(bound.effect, bound.at(settled.poses))
-    return np.asarray(settled.true_tcp - point)
-
-
-def along_distance(settled: Equilibrium, stated: ArrayLike) -> Array:
-    """(N, 3), unit vectors from that point to the TCP."""
-    line = from_anchor(settled, stated)
-    return np.asarray(line / np.linalg.norm(line, axis=1, keepdims=True))
+def _distortion_derivatives(settled: Equilibrium) -> Array:
+    """(3, 3, N), ∂(measured TCP)/∂TCP in the tracker's distorted frame."""
+    by_position = np.repeat(np.eye(3)[:, :, None], len(settled.poses), axis=2)
+    # forward-mode differentiation (dual numbers) through the tracker's effects, one after the other
+    moving = [Dual(x, slope) for x, slope in zip(settled.true_tcp.T, by_position.copy(), strict=True)]
+    for bound in settled.model.binding.distorting:
+        added = distortion(bound, bound.at(settled.poses), moving)  # type: ignore[arg-type]
+        for row, amount in enumerate(added):
+            if isinstance(amount, Dual):
+                by_position[row] += amount.slope
+    return by_position

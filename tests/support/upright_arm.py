@@ -9,6 +9,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.arm_text import template
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.model_fit import nominal_model
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import Poses
@@ -41,5 +42,5 @@ def upright_measurements(
     plan = synthetic.even_schedule(*q.shape)
     tcp = synthetic.measure(arm, truth, q, load, noise, seed, plan)
     poses = Poses(q, load, directions(q, plan.start_q_rad), plan.time_s)
-    data = Measurements(poses, number, tcp, None, noise, number, file.with_suffix(".csv"), "")
+    data = Measurements.of_tcp(poses, tcp, noise, pose=number, source=Source(file.with_suffix(".csv")))
     return nominal_model(load_arm(str(file))), data

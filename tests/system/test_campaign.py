@@ -95,7 +95,7 @@ def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: P
         assert again.returncode == 0, again.stdout + again.stderr
     found = bench.measured()
     assert found.pose.tolist() == list(range(1, POSES + 1))
-    assert found.notices == ()
+    assert found.source.notices == ()
     np.testing.assert_allclose(np.degrees(found.poses.q), bench.q, atol=0.1)
     assert found.poses.session is not None
     assert set(found.poses.session.tolist()) == {1.0}

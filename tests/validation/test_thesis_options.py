@@ -51,7 +51,7 @@ def measured(seed: int, count: int, payload: float = 0.0) -> Measurements:
     truth = synthetic.GroundTruth.random(rig, seed)
     tcp = synthetic.measure(rig, truth, q, payload, NOISE, seed + round(payload * 1e4))
     number = np.arange(1, count + 1)
-    return Measurements(poses_of(q, payload), number, tcp, None, NOISE, number, Path("synthetic"), "")
+    return Measurements.of_tcp(poses_of(q, payload), tcp, NOISE, pose=number)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_what_is_hidden_does_not_change_what_is_identified(lab: Arm, method: Opt
     spoiled[one.rest] += 0.05
     again = identify(
         replace(nominal_model(lab), free=one.fit.model.free),
-        replace(method.data, tcp=spoiled),
+        method.data.with_tcp(spoiled),
         one.option,
         one.rows,
     )
@@ -138,7 +138,7 @@ def test_on_an_arm_as_the_model_says_option_1_reaches_the_noise(lab: Arm) -> Non
     q = synthetic.random_poses(rig, 150, 4)
     number = np.arange(1, 151)
     tcp = synthetic.measure(rig, truth, q, 0.0, NOISE, 4)
-    data = Measurements(poses_of(q), number, tcp, None, NOISE, number, Path("synthetic"), "")
+    data = Measurements.of_tcp(poses_of(q), tcp, NOISE, pose=number)
     found = run_options(lab, data, options=[option_named(f"option{i}") for i in (1, 2, 3, 4)])
     assert found.of("option1").on_rest.rms < 1.25 * NOISE * np.sqrt(3)
     for name in ("option2", "option3", "option4"):

@@ -64,7 +64,8 @@ class WorldRecording:
             beside = paths[0].with_suffix(".toml")
             lines = beside.read_text(encoding="utf-8").splitlines(keepends=True)
             beside.write_text("".join(line for line in lines if "noise_sd_mm" not in line), encoding="utf-8")
-        data = replace(load_measurements(paths[0], arm), arm_name=str(arm_file or self.arm_file))
+        data = load_measurements(paths[0], arm)
+        data = replace(data, source=replace(data.source, arm_name=str(arm_file or self.arm_file)))
         fresh = load_poses(paths[1], arm).take(np.arange(self.measured, len(self.whole.q_rad)))
         return data, fresh
 

@@ -138,4 +138,4 @@ def spoiled(case: Case, seed: int, count: int) -> tuple[Measurements, tuple[str,
     noise, pose = NOISE_M if case.noise_known else None, np.arange(1, count + 1)
     came = directions(written, np.zeros(q.shape[1]))
     poses = Poses(written, carried, came, plan.time_s, found.session, number=pose)
-    return Measurements(poses, pose, found.tcp, None, noise, pose, Path("simulated.csv"), ""), found.right
+    return Measurements.of_tcp(poses, found.tcp, noise, pose=pose), found.right

@@ -18,7 +18,7 @@ import numpy as np
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import write_with_metadata
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.touched import rigid_motion_between
+from lrm_ident.data.registration.similarity import rigid_motion_between
 from lrm_ident.data.robot_files.arm_text import arm_text
 from lrm_ident.data.robot_files.mjcf_robot import read_robot
 from lrm_ident.data.robot_files.urdf_arm import import_arm

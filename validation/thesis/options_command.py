@@ -54,13 +54,13 @@ def options(
     arm_name, the_arm = arm_for(data, arm)
     methods = []
     for measured in [read_measurements(path, the_arm, arm_name, reading) for path in (data, other) if path]:
-        with progress(f"options on {measured.path.name}") as tick:
+        with progress(f"options on {measured.source.path.name}") as tick:
             methods.append(run_options(the_arm, measured, poses, chosen, seed, tick))
-        out.rule(measured.path.name)
+        out.rule(measured.source.path.name)
         show(*method_blocks(methods[-1], campaign if len(methods) == 1 else None))
     crossed = cross_apply(methods[0], methods[1], cross_option) if other else None
     result = options_document(methods, crossed, campaign is not None)
     publish(result, json, figure, partial(draw_method, methods[0]))
     if crossed and cross_figure:
-        names = [method.data.path.stem for method in methods]
+        names = [method.data.source.path.stem for method in methods]
         publish_figure(cross_figure, partial(draw_crossed, crossed, names), crossed_rows(crossed, names))

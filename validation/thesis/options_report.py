@@ -43,7 +43,7 @@ def options_document(methods: Sequence[OptionStudy], crossed: CrossLoadResult | 
     values: dict[str, object] = {"data_sets": [_method(method) for method in methods]}
     if crossed is None:
         return Document([], "lrm/options/1", values, _error_rows(methods[0]))
-    names = [method.data.path.stem for method in methods]
+    names = [method.data.source.path.stem for method in methods]
     values["cross_load"] = [
         {
             "option": crossed.option.name,
@@ -146,7 +146,7 @@ def _crossed(crossed: CrossLoadResult, names: Sequence[str], with_thesis: bool) 
 def _method(method: OptionStudy) -> dict[str, object]:
     options = [_identified(method, one) for one in method.identified]
     return {
-        "data": method.data.path.name,
+        "data": method.data.source.path.name,
         "poses": len(method.data),
         "nominal": error_stats(method.nominal),
         "options": options,

@@ -121,8 +121,10 @@ def run_options(
         UnknownName: the arm lacks a parameter of an option.
         LrmError: too few or rank-deficient poses, or a fit that does not converge.
     """
-    if len(data.positions) < len(data):
-        raise FileError(data.path, "", "the thesis's options need a position of every pose", "use fit and compare")
+    if len(data.positions.rows) < len(data):
+        raise FileError(
+            data.source.path, "", "the thesis's options need a position of every pose", "use fit and compare"
+        )
     nominal = nominal_model(arm)
     equilibrium = solve_equilibrium(nominal, data.poses)
     rows: dict[str, Rows] = {}

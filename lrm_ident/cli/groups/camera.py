@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -174,8 +173,8 @@ def read(
         raise LrmError(f"{photos}: {why} to camera calibrate, with photos of this board")
     found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
-    chosen = None if feedback is None else feedback[list(found.photos.rows)]
-    table, source = measurements_csv(replace(found.data, feedback=chosen)), f"camera, {photos}"
+    data = found.data.beside(*(one.take(found.photos.rows) for one in feedback))
+    table, source = measurements_csv(data), f"camera, {photos}"
     write_with_metadata(output, table, arm, source, frame="arm", feedback_sd_deg=feedback_sd)
     write_text(session_file, _toml(found.session))
     _show(found, len(files), output)
@@ -202,7 +201,7 @@ def export(
 
 
 def _show(found: CameraMeasurements, photos: int, output: Path) -> None:
-    sd = np.sqrt(np.einsum("nii->ni", found.data.covariance[:, :3, :3])) / MM  # type: ignore[index]
+    sd = np.sqrt(np.einsum("nii->ni", found.data.positions.covariance)) / MM
     x, y, z = (getattr(found.session.camera, f"{axis}_mm") for axis in "xyz")
     if len(found.data) < ENOUGH_TO_LEVEL:
         notice(

@@ -183,7 +183,5 @@ def with_video(
 
 
 def _known(photos: CameraMeasurements) -> str:
-    covariance = photos.data.covariance
-    assert covariance is not None  # the camera's pipeline states it
-    sd = np.sqrt(np.einsum("nii->ni", covariance[:, :3, :3]))
+    sd = np.sqrt(np.einsum("nii->ni", photos.data.positions.covariance))
     return f"the tip is known to {in_mm(float(np.median(sd)))} mm per axis"

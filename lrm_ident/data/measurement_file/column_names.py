@@ -14,11 +14,9 @@ from itertools import groupby, product
 from types import MappingProxyType
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.measurement_file.known_columns import (
-    ALIASES,
-    ANGLE,
+from lrm_ident.data.measurement_file.known_columns import ALIASES, ANGLE, FEEDBACK
+from lrm_ident.data.measurement_file.pose_quantity import (
     DISTANCE,
-    FEEDBACK,
     PLACEMENT,
     POINT,
     POSITION,

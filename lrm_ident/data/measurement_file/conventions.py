@@ -14,7 +14,7 @@ from pydantic import Field, FiniteFloat
 
 from lrm_ident.data.atomic_write import is_something_else
 from lrm_ident.data.measurement_file.dataset_card import DatasetCard
-from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
+from lrm_ident.data.measurement_file.pose_quantity import SD, TURN_SD
 from lrm_ident.data.measurement_file.power_ons import PowerOnTime
 from lrm_ident.data.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Arm, Placement

@@ -12,21 +12,21 @@ from lrm_ident.data.measurement_file.column_names import arm_columns, named_colu
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians, pose_notices, read_poses
 from lrm_ident.data.measurement_file.conventions import conventions_of, motion_of
 from lrm_ident.data.measurement_file.known_columns import (
-    DISTANCE,
     KNOWN,
-    POINT,
-    POSITION,
     commanded_quantities,
     measured_quantities,
 )
-from lrm_ident.data.measurement_file.measured_columns import out_of_reach, read_feedback, with_sensed, without_lost
+from lrm_ident.data.measurement_file.measured_columns import out_of_reach, with_comparable, without_lost
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
+from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
+from lrm_ident.data.observations.kinds import KINDS
+from lrm_ident.data.observations.orientations import Orientations
+from lrm_ident.data.source import Source
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import MM
-from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -60,33 +60,33 @@ def read_measured(
     require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
-    beside, power, noise_sd = said.metadata.beside, said.metadata.power_on, said.metadata.noise_sd_mm
+    beside, power = said.metadata.beside, said.metadata.power_on
     poses = read_poses(table, arm, said.how, said.start, beside, power)
     data = Measurements(
         poses=poses,
+        observations=tuple(one for kind in KINDS for one in kind.read(table, said.metadata)),
         pose=table.integers("pose"),
-        tcp=table["position"] if "position" in table else np.full((len(table), 3), np.nan),
-        sd=None,
-        noise_sd=None if noise_sd is None else noise_sd * MM,
         repeat_of=table.integers("repeat_of"),
-        path=path,
-        sha256=table.cells.sha256,
-        notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
-        arm=arm,
-        arm_name=said.metadata.arm or None,
-        servos=said.metadata.servos,
-        reading=said.how,
-        stated=said.how.over(units),
+        source=Source(
+            path=path,
+            sha256=table.cells.sha256,
+            notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
+            arm=arm,
+            arm_name=said.metadata.arm or None,
+            servos=said.metadata.servos,
+            reading=said.how,
+            stated=said.how.over(units),
+        ),
     )
     touched = with_touches(data, table, said.metadata)
     if touched.touched and said.how.frame is not None:
         raise FileError(path, "frame", "touched points have frames of their own", "leave out frame (--frame)")
-    sensed = with_sensed(touched, table, said.metadata)
-    sensed = without_lone(sensed) if touched.touched else without_lost(sensed)
-    if np.linalg.det(said.rotation) < 0 and sensed.attitude is not None:
+    seen = with_comparable(touched, table, arm)
+    seen = without_lone(seen) if touched.touched else without_lost(seen)
+    if np.linalg.det(said.rotation) < 0 and seen.of(Orientations):
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
     beyond = tuple((int(data.pose[row]), error) for row, error in (*table.beyond, *out_of_reach(arm, table)))
-    return sensed.turned(said.rotation, said.translation), beyond
+    return seen.turned(said.rotation, said.translation), beyond
 
 
 def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
@@ -124,12 +124,12 @@ def says_measured(path: Path) -> bool:
     return bool({*POSITION, DISTANCE, POINT} & {*named_columns(read_table(path)).header})
 
 
-def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
-    """Readings of the encoders at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
+def read_pose_feedback(path: Path, arm: Arm) -> tuple[list[EncoderReadings], float | None]:
+    """Readings of the encoders at the poses of a file, if it has any, and their standard deviation as stated (deg).
 
     Raises `FileError`.
     """
     said = conventions_of(path, arm, AS_NAMED)
     known = [each for each in measured_quantities(arm, said.how) if each.name in ("angles", "feedback")]
     table = read_numbers(arm_columns(read_table(path), arm, said.how, known), known)
-    return read_feedback(table), said.metadata.feedback_sd_deg
+    return [*EncoderReadings.read(table, said.metadata)], said.metadata.feedback_sd_deg

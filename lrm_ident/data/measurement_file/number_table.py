@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.known_columns import DATES, DISTANCE, PoseQuantity
+from lrm_ident.data.measurement_file.pose_quantity import DATES, DISTANCE, PoseQuantity
 from lrm_ident.data.measurement_file.times import seconds_of
 from lrm_ident.data.table_text.csv_file import CsvTable, is_number, read_table
 from lrm_ident.data.wording import enumerate_words

@@ -12,16 +12,13 @@ from typing import Any
 
 from lrm_ident.data.measurement_file.conventions import Metadata
 from lrm_ident.data.measurement_file.known_columns import (
-    ABOVE_ZERO,
-    DISTANCE,
     KNOWN,
     NO_NEGATIVE_TIME,
     NOT_BELOW_ZERO,
-    POSITION,
     WHOLE,
-    PoseQuantity,
     quantities_of_joints,
 )
+from lrm_ident.data.measurement_file.pose_quantity import ABOVE_ZERO, DISTANCE, POSITION, PoseQuantity
 
 FILE = Path(__file__).with_name("measurements.schema.json")
 MOST_JOINTS = 10

@@ -13,9 +13,10 @@ from itertools import combinations
 import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import Metadata
-from lrm_ident.data.measurement_file.known_columns import PLACEMENT, POINT, POSITION
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_error
-from lrm_ident.data.measurements import Measurements, TouchedFrame
+from lrm_ident.data.measurement_file.pose_quantity import PLACEMENT, POINT, POSITION
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.touched_points import TouchedFrame, TouchedPoints
 from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm_file import MM
@@ -63,8 +64,9 @@ def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> 
         what = f"{len(frames)} places to identify, of boards and of points without known distances"
         raise FileError(path, "", what, f"at most {MOST_PLACEMENTS}; state the points' places in [points]")
     tcp = np.array([known.get(name, np.zeros(3)) for name in names])
-    touched = replace(data, tcp=tcp, poses=replace(data.poses, placement=number), touched=frames)
-    return replace(touched, notices=(*data.notices, *_notices(touched)))
+    seen, placed = data.positions, replace(data, poses=replace(data.poses, placement=number))
+    touched = placed.with_positions(TouchedPoints(tcp, seen.sd, seen.blocks, noise_sd=seen.noise_sd, frames=frames))
+    return touched.noting(*_notices(touched))
 
 
 def require_points(cells: CsvTable, metadata: Metadata) -> None:
@@ -115,13 +117,14 @@ def without_lone(data: Measurements) -> Measurements:
     lone = np.bincount(placement)[placement] < LEAST_TOUCHES
     if lone.all():
         right = "touch each point again from other sides, or state the points' places in [points]"
-        raise FileError(data.path, "", "every point was touched once only, which says nothing", right)
+        raise data.source.fault("every point was touched once only, which says nothing", right)
     if not lone.any():
         return data
     gone = data.pose[lone].tolist()
     notice = f"touched once, which says nothing; left out: pose {enumerate_words([str(n) for n in gone], 8)}"
-    kept = data.touched[: int(placement[~lone].max())]
-    return replace(data.without(gone), touched=kept, notices=(*data.notices, notice))
+    left = data.without(gone)
+    kept = [replace(one, frames=one.frames[: int(placement[~lone].max())]) for one in left.of(TouchedPoints)]
+    return replace(left, observations=(*kept, *left.observations[1:])).noting(notice)
 
 
 def known_points(path: object, metadata: Metadata, touched: Mapping[str, object]) -> dict[str, Array]:

@@ -8,18 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import tomli_w
-from numpy.typing import ArrayLike
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.commanded_poses import after_gap
 from lrm_ident.data.measurement_file.known_columns import KNOWN, quantities_of_joints
+from lrm_ident.data.measurement_file.pose_quantity import StatedQuantity
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.rigid_motion import quaternions
 from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.arrays import Array
-
-StatedQuantity = tuple[str, ArrayLike | None, int]
-"""Name of a known quantity; its values (N,), of joints or several columns (N, k), SI, None if unknown; decimals."""
 
 
 def csv_text(columns: Iterable[tuple[str, Array, int]]) -> str:
@@ -49,7 +45,7 @@ def quantity_columns(stated: Iterable[StatedQuantity]) -> Iterator[tuple[str, Ar
 
 def measurements_csv(data: Measurements) -> str:
     """CSV text of measurements, with the optional columns that they have."""
-    poses, far = data.poses, data.distance is not None
+    poses = data.poses
     gap = after_gap(data.pose).any()  # what the rows alone do not say any more
     stated: list[StatedQuantity] = [
         ("pose", data.pose, 0),
@@ -57,14 +53,9 @@ def measurements_csv(data: Measurements) -> str:
         ("session", poses.session, 0),
         ("payload", poses.payload, 4),
         ("angles", poses.q, 9),
-        ("position", data.tcp if len(data.positions) else None, 6),
+        *(stated for one in data.observations for stated in one.columns()),
         ("temperature", poses.temperature, 3),
         ("gravity", poses.gravity, 9),
-        *_scatter(data),
-        ("quaternion", None if data.attitude is None else quaternions(data.attitude), 9),
-        ("feedback", data.feedback, 6),
-        ("distance", data.distance, 6),
-        ("distance_sd", data.distance_sd if far else None, 6),
         ("repeat_of", data.repeat_of, 0),
         ("sides", poses.direction if gap else None, 0),
     ]
@@ -84,15 +75,3 @@ def write_with_metadata(path: Path, table: str, arm: str, source: str, **known: 
     """
     write_text(path, table)
     write_text(path.with_suffix(".toml"), metadata_toml(arm_name_for(arm, path.parent), source, **known))
-
-
-def _scatter(data: Measurements) -> Iterator[StatedQuantity]:
-    """Standard deviation or covariance of positions, and of orientations where that is stated."""
-    covariance, (i, j) = data.covariance, np.triu_indices(3)
-    if covariance is None:
-        yield "sd", data.sd if len(data.positions) else None, 6
-        return
-    yield "position_covariance", covariance[:, i, j], 9
-    if not np.isnan(covariance[0, 3, 3]):
-        yield "cross_covariance", covariance[:, :3, 3:].reshape(-1, 9), 9
-        yield "turn_covariance", covariance[:, 3 + i, 3 + j], 9

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_math.arrays import Array
 from lrm_math.effects.tracker_errors import Anchor
-from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
@@ -23,29 +23,27 @@ MAX_RELATIVE_ERROR = 0.5
 """Share of the distances' spread that the arm as drawn may miss them by, with the best point."""
 
 
-def with_anchor(model: Model, data: Measurements) -> Model:
-    """The model, knowing where the distances of the data start; as it is if they do not need that of it.
+def with_anchor(model: Model, poses: Poses, distance: Array, source: Source) -> Model:
+    """The model, knowing where distances (N,), m, start; as it is if it says so.
 
-    Where neither the data nor the model say it, the point is that from which the model's own TCPs are as far as was
-    measured, and its coordinates are free parameters. Raises `FileError`: too few distances, or of another arm.
+    Else the point is that from which the model's own TCPs are as far as was measured, and its coordinates are free
+    parameters. Raises `FileError`: too few distances, or of another arm.
     """
-    if data.distance is None or data.distance_from is not None:
-        return model
     anchors = [effect for effect in model.effects if isinstance(effect, Anchor)]
     anchor = anchors[0] if anchors else Anchor(model.arm, *Anchor.places(model.arm))
     keys = anchor.keys
     known = {key: model.value(key) for key in model.keys}
     if any(known.get(key) for key in keys):
         return model
-    rows = np.flatnonzero(~np.isnan(data.distance))
+    rows = np.flatnonzero(~np.isnan(distance))
     if len(rows) < FEWEST:
         what = f"{len(rows)} distances from a point that is not stated"
-        raise FileError(data.path, "", what, "state distance_from_mm in the file beside the data, or measure more")
-    point, left = trilaterate(solve_equilibrium(model, data.poses.take(rows)).true_tcp, data.distance[rows])
-    spread = float(data.distance[rows].std())
+        raise source.fault(what, "state distance_from_mm in the file beside the data, or measure more")
+    point, left = trilaterate(solve_equilibrium(model, poses.take(rows)).true_tcp, distance[rows])
+    spread = float(distance[rows].std())
     if left > MAX_RELATIVE_ERROR * spread:
         what = f"from no point would {model.arm.name} miss the distances by less than {left * 1e3:.3g} mm RMS"
-        raise FileError(data.path, "", what, "are the unit of distance_mm and the joints right, and is it this arm?")
+        raise source.fault(what, "are the unit of distance_mm and the joints right, and is it this arm?")
     known |= dict(zip(keys, point.tolist(), strict=True))
     effects = model.effects if anchors else (*model.effects, anchor)
     free = (*model.free, *(key for key in keys if key not in model.free))

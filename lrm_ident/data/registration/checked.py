@@ -14,10 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import frame_table, motion_of, rigid_motion
-from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.load import read_measured
 from lrm_ident.data.measurement_file.measured_columns import without_frozen
+from lrm_ident.data.measurement_file.pose_quantity import QUATERNION
 from lrm_ident.data.measurements import Measurements, Part, every_pose
+from lrm_ident.data.observations.distances import Distances
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.moved_frame import moved_frame
@@ -54,7 +56,7 @@ class Misread(FileError):
     """Measurements that their arm cannot have made as they were read; carries the `check` of the comparison."""
 
     def __init__(self, data: Measurements, check: ReadingCheck, arm: Arm) -> None:
-        self.check, path, stated = check, data.path, data.stated
+        self.check, path, stated = check, data.source.path, data.source.stated
         missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
         if not check.found and (moved := _moved_words(arm, data, check)):
             super().__init__(path, "", f"{missed}; {moved[0]}", moved[1])
@@ -89,8 +91,9 @@ def load_checked(
     for pose, error in beyond:
         if pose in chosen.pose:
             raise error
-    found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
-    check_attitude(arm, found)
+    found = in_arm_frame(arm, data.noting(*notices))
+    for seen in found.of(Orientations):
+        check_orientations(arm, found, seen)
     return found
 
 
@@ -105,11 +108,14 @@ def _massless(arm: Arm) -> tuple[str, ...]:
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     """Doubts about the reading, in words. Raises `Misread`."""
     if data.touched:
-        _check_touches(arm, data)
+        right = "are the names of the points, their places and the joints right, and is it this arm?"
+        _refuse(arm, data, "points that it touched", misread_touches(arm, data), right)
         return ()
     check = check_reading(arm, data)
     if check is None:
-        _check_distances(arm, data)
+        for seen in data.of(Distances):
+            right = "are their unit, their fixed point and the joints right, and the arm?"
+            _refuse(arm, data, "distances", misread_distances(arm, data, seen), right)
         return ()
     if not check.right:
         raise Misread(data, check, arm)
@@ -121,51 +127,39 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
             f"as read, {arm.name} misses the positions by {_millimetres(check.read)}, more than an assembled arm does"
         )
         return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
-    words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.stated)})"
+    words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.source.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 
 
-def _check_distances(arm: Arm, data: Measurements) -> None:
-    """Raises `FileError`: the arm cannot have been so far from the point, as the distances were read."""
-    if misread := misread_distances(arm, data):
+def _refuse(arm: Arm, data: Measurements, of: str, misread: tuple[float, Hypothesis | None] | None, right: str) -> None:
+    """Raises `FileError`: the arm cannot have been where these were measured, as they were read."""
+    if misread:
         missed, found = misread
-        what = f"as read, {arm.name} misses the distances by {missed / MM:.3g} mm"
+        what = f"as read, {arm.name} misses the {of} by {missed / MM:.3g} mm"
         if found is None:
-            raise FileError(data.path, "", what, "are their unit, their fixed point and the joints right, and the arm?")
-        raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
-
-
-def _check_touches(arm: Arm, data: Measurements) -> None:
-    """Raises `FileError`: the arm cannot have touched these points, as they were read."""
-    if misread := misread_touches(arm, data):
-        missed, found = misread
-        what = f"as read, {arm.name} misses the points that it touched by {missed / MM:.3g} mm"
-        if found is None:
-            right = "are the names of the points, their places and the joints right, and is it this arm?"
-            raise FileError(data.path, "", what, right)
-        raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
+            raise data.source.fault(what, right)
+        words = f"{' and '.join(found.words)} ({what})"
+        raise data.source.fault(words, f"if so: {remedy(found, data.source.stated)}")
 
 
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
     """Measurements in an unknown frame, and touched points, registered to the arm's; others as they are."""
     if data.touched:
         return in_frame_of_touches(arm, data)
-    if data.reading.frame != "unknown":
+    if data.source.reading.frame != "unknown":
         return data
     rows = compared_rows(data)
     if not len(rows):
         right = "leave it out; state distance_from_mm in the arm's frame, or not at all"
-        raise FileError(data.path, "", "distances alone do not determine the frame that they are in", right)
+        raise data.source.fault("distances alone do not determine the frame that they are in", right)
     motion = registered(arm, data.poses.take(rows), data.tcp[rows])[1]
     frame = frame_table(motion.rotation, motion.translation)
     angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(motion.rotation)) - 1.0) / 2.0))))
     distance = float(np.linalg.norm(motion.translation)) / MM
-    return replace(
-        data.turned(*rigid_motion(frame)),
-        reading=data.reading.model_copy(update={"frame": frame}),
-        stated=data.stated.model_copy(update={"frame": frame}),
-        notices=(*data.notices, f"registered to the arm: turned by {angle:.1f} deg and moved by {distance:.1f} mm"),
-    )
+    reading, stated = (said.model_copy(update={"frame": frame}) for said in (data.source.reading, data.source.stated))
+    source = replace(data.source, reading=reading, stated=stated)
+    turned = replace(data.turned(*rigid_motion(frame)), source=source)
+    return turned.noting(f"registered to the arm: turned by {angle:.1f} deg and moved by {distance:.1f} mm")
 
 
 def remedy(hypothesis: Hypothesis, stated: Reading) -> str:
@@ -195,29 +189,27 @@ def _millimetres(scored: ScoredReading) -> str:
     return f"{value:.3g} mm" if value < 1000.0 else f"{value:.0f} mm"
 
 
-def check_attitude(arm: Arm, data: Measurements) -> None:
+def check_orientations(arm: Arm, data: Measurements, seen: Orientations) -> None:
     """Compares measured orientations with the arm as drawn.
 
     Raises `FileError`: the columns look ordered or signed otherwise, the tool's or the measuring frame turned, or the
     orientations are of another arm.
     """
-    if data.attitude is None:
-        return
-    rows = np.flatnonzero(~np.isnan(data.attitude[:, 0, 0]))
+    rows = seen.rows
     if not len(rows):
         return
     rows = rows[spaced_rows(len(rows), MOST)]
-    measured, drawn = data.attitude[rows], tool_rotation(solve_equilibrium(model_of(arm, ()), data.poses.take(rows)))
+    measured, drawn = seen.values[rows], tool_rotation(solve_equilibrium(model_of(arm, ()), data.poses.take(rows)))
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:
         return
-    found = min(_readings(measured, drawn, motion_of(data.reading)[0]), key=lambda reading: reading[0])
+    found = min(_readings(measured, drawn, motion_of(data.source.reading)[0]), key=lambda reading: reading[0])
     what = f"the orientations miss those of {arm.name} by {np.degrees(error):.0f} deg"
     if found[0] < BETTER * error:
-        raise FileError(data.path, ", ".join(QUATERNION), f"{what}; {found[1]}", f"then {np.degrees(found[0]):.1f} deg")
+        raise data.source.fault(f"{what}; {found[1]}", f"then {np.degrees(found[0]):.1f} deg", ", ".join(QUATERNION))
     if error > NOT_THIS_ARM:
         right = "correct [tool] of the arm file, or leave the columns out"
-        raise FileError(data.path, ", ".join(QUATERNION), f"{what}, in whatever order the columns are read", right)
+        raise data.source.fault(f"{what}, in whatever order the columns are read", right, ", ".join(QUATERNION))
 
 
 def _readings(measured: Array, drawn: Array, turn: Array) -> Iterator[tuple[float, str]]:

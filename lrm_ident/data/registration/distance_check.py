@@ -9,12 +9,14 @@ import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.distances import Distances
 from lrm_ident.data.registration.anchor import FEWEST, MAX_RELATIVE_ERROR, trilaterate
 from lrm_ident.data.registration.hypotheses import SIMPLE, UNIT_NAMES, Hypothesis, joint_hypotheses
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
@@ -24,25 +26,22 @@ LEAST, MOST = 3 * FEWEST, 100
 """Distances, else a point that is not known fits whatever; and how many are looked at."""
 
 
-def misread_distances(arm: Arm, data: Measurements) -> tuple[float, Hypothesis | None] | None:
+def misread_distances(arm: Arm, data: Measurements, seen: Distances) -> tuple[float, Hypothesis | None] | None:
     """How far the arm as drawn misses the distances (m, RMS) and the simplest reading that it does not miss so.
 
     None where they can be taken as read, or where there are too few.
     """
-    if data.distance is None:
-        return None
-    rows = np.flatnonzero(~np.isnan(data.distance))
-    rows = rows[drawn_rows(len(rows), MOST)]
+    rows = seen.rows[drawn_rows(len(seen.rows), MOST)]
     if len(rows) < LEAST:
         return None
-    part, distance = data.take(rows), data.distance[rows]
-    read = Hypothesis(data.stated, part.poses.q, np.empty((0, 3)))
-    missed = _missed(arm, part, read.q, distance)
+    poses, distance = data.poses.take(rows), seen.values[rows]
+    read = Hypothesis(data.source.stated, poses.q, np.empty((0, 3)))
+    missed = _missed(arm, poses, distance, seen.start)
     if missed <= MAX_RELATIVE_ERROR * float(distance.std()):
         return None
     found = None
     for other, stretched in _readings(read, arm):
-        left = _missed(arm, part, other.q, stretched * distance) / stretched
+        left = _missed(arm, replace(poses, q=other.q), stretched * distance, seen.start) / stretched
         if left < BETTER * missed and (found is None or other.complexity < found.complexity):
             found = other
     return missed, found
@@ -59,12 +58,12 @@ def _readings(read: Hypothesis, arm: Arm) -> Iterator[tuple[Hypothesis, float]]:
             yield read.also(f"the distances look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit), metres / now
 
 
-def _missed(arm: Arm, data: Measurements, q: Array, distance: Array) -> float:
+def _missed(arm: Arm, poses: Poses, distance: Array, start: tuple[float, float, float] | None) -> float:
     """RMS (m) by which the arm as drawn misses distances (N,), from the stated point or from the best one."""
     try:
-        tcp = solve_equilibrium(model_of(arm, ()), replace(data.poses, q=q)).tcp
+        tcp = solve_equilibrium(model_of(arm, ()), poses).tcp
     except NoEquilibrium:
         return np.inf
-    if data.distance_from is None:
+    if start is None:
         return trilaterate(tcp, distance)[1]
-    return float(np.sqrt(np.mean((np.linalg.norm(tcp - data.distance_from, axis=1) - distance) ** 2)))
+    return float(np.sqrt(np.mean((np.linalg.norm(tcp - np.array(start), axis=1) - distance) ** 2)))

@@ -57,7 +57,7 @@ class _Side:
 
 def moved_frame(arm: Arm, data: Measurements) -> MovedFrame | None:
     """The change of frame that leaves the least, of measurements in the order of their rows; None for too few poses."""
-    rows, boundaries = data.positions, _splits(data)
+    rows, boundaries = data.positions.rows, _splits(data)
     split = min(filter(None, (_split(arm, data, first) for first in boundaries)), key=_missed, default=None)
     if split is None:
         return None
@@ -77,16 +77,16 @@ def moved_frame(arm: Arm, data: Measurements) -> MovedFrame | None:
 
 def _splits(data: Measurements) -> list[int]:
     """Numbers of rows before which the frame may have changed: where a session begins, and evenly spaced ones."""
-    count, session = len(data.positions), data.poses.session
+    count, session = len(data.positions.rows), data.poses.session
     even = np.linspace(0, count, SPLITS + 1)[1:-1].astype(int).tolist()
-    begun = [] if session is None else (np.flatnonzero(np.diff(session[data.positions])) + 1).tolist()
+    begun = [] if session is None else (np.flatnonzero(np.diff(session[data.positions.rows])) + 1).tolist()
     return [*begun[:SPLITS], *even]
 
 
 def _split(arm: Arm, data: Measurements, first: int) -> tuple[_Side, _Side] | None:
     """Both sides of a split; None where one has too few poses."""
     sides = []
-    for part in (data.positions[:first], data.positions[first:]):
+    for part in (data.positions.rows[:first], data.positions.rows[first:]):
         if not len(part):
             return None
         chosen = part[drawn_rows(len(part), MOST_POSES)]

@@ -95,7 +95,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     rows = compared_rows(data)
     if len(rows) < LEAST_POSES:
         return None
-    points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.stated)
+    points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.source.stated)
     one_pose = np.ptp(points.poses.q, axis=0).max() < SAME_POSE
     if one_pose or spread_of(nominal_tcp(arm, points.poses)) == 0.0:
         return None
@@ -117,7 +117,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
 
 def compared_rows(data: Measurements) -> NDArray[np.int64]:
     """Rows with a position; of many, `MOST_POSES` drawn at random, always the same."""
-    return data.positions[drawn_rows(len(data.positions), MOST_POSES)]
+    return data.positions.rows[drawn_rows(len(data.positions.rows), MOST_POSES)]
 
 
 def _before_frame(points: PointSet) -> PointSet:

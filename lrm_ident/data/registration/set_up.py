@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
-from lrm_ident.data.registration.touched import with_touched
 from lrm_math.arm.arm import Arm
 from lrm_math.model.model import Model, model_of
 
 
 def with_set_up(model: Model, data: Measurements) -> Model:
     """The model, knowing what these data need of their set-up. Raises `FileError`."""
-    return with_touched(with_anchor(model, data), data)
+    for one in data.observations:
+        model = one.set_up(model, data.poses, data.source)
+    return model
 
 
 def nominal_arm(arm: Arm, data: Measurements) -> Model:

@@ -6,9 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_ident.data.rigid_motion import skew
 from lrm_math.arrays import Array
 
 ROBUST_PASSES = 4
+LINE = 1e-3
+"""m: points that lie nearer to one line do not show a turn about it."""
 MAD_TO_SD = 1.0 / 1.538  # of the norm of an isotropic normal vector in space
 
 
@@ -57,3 +60,24 @@ def cauchy_weight(distance: Array) -> Array:
     """(N,), weights 1 / (1 + (d/s)²) of distances (N,), s being three times their robust standard deviation."""
     scale = 3.0 * MAD_TO_SD * float(np.median(distance))
     return np.ones_like(distance) if scale == 0.0 else np.asarray(1.0 / (1.0 + (distance / scale) ** 2))
+
+
+def rigid_motion_between(source: Array, target: Array, turns: bool) -> Similarity:
+    """The rigid motion that takes points (N, 3) to others (m): a shift of what does not turn, else by Kabsch 1976; the
+    smallest one of points on a line."""
+    centre, goal = source.mean(axis=0), target.mean(axis=0)
+    rotation = np.eye(3)
+    if turns:
+        _, size, Vt = np.linalg.svd(source - centre)
+        if size[1] > LINE:
+            return robust_similarity(source, target, mirrored=False, scale=1.0)
+        if size[0] > LINE:
+            rotation = _smallest_turn(Vt[0], (target - goal).T @ ((source - centre) @ Vt[0]))
+    return Similarity(rotation, goal - rotation @ centre)
+
+
+def _smallest_turn(first: Array, second: Array) -> Array:
+    """(3, 3), rotation of one direction to another."""
+    u, v = first / np.linalg.norm(first), second / np.linalg.norm(second)
+    K, cosine = skew(np.cross(u, v)), float(u @ v)
+    return np.asarray(np.eye(3) + K + K @ K / max(1.0 + cosine, 1e-9))

@@ -30,7 +30,7 @@ def with_model_error(data: Measurements, settled: Equilibrium, parameters: float
     As they are where positions are alike by their noise, or weighed against orientations, feedback or distances.
     """
     sd = data.sd
-    if sd is None or data.several_kinds or data.distance is not None or sd.max() <= ALIKE * sd.min():
+    if sd is None or len(data.observations) > 1 or sd.max() <= ALIKE * sd.min():
         return data
     residual = data.position_error(settled)
     distance = np.linalg.norm(residual, axis=1)
@@ -38,7 +38,8 @@ def with_model_error(data: Measurements, settled: Equilibrium, parameters: float
     freedom = AXES * int(near.sum()) - parameters
     if freedom <= 0:
         return data
-    return replace(data, model_sd=additional_sd(residual[near], sd[near], freedom))
+    model_sd = additional_sd(residual[near], sd[near], freedom)
+    return data.with_positions(replace(data.positions, model_sd=model_sd))
 
 
 def additional_sd(residual: Array, sd: Array, freedom: float) -> float:
@@ -60,9 +61,9 @@ def additional_sd(residual: Array, sd: Array, freedom: float) -> float:
 
 def model_error_words(data: Measurements) -> tuple[str, ...]:
     """Notice about an error of the model that is larger than the stated noise."""
-    if data.sd is None or data.model_sd <= WORTH_SAYING * float(np.median(data.sd)):
+    if data.sd is None or data.positions.model_sd <= WORTH_SAYING * float(np.median(data.sd)):
         return ()
     return (
         f"the poses were measured to {np.median(data.sd) * 1e3:.3g} mm per axis, the model misses them by "
-        f"{data.model_sd * 1e3:.3g} mm: this error of the model is added to the variance of every pose",
+        f"{data.positions.model_sd * 1e3:.3g} mm: this error of the model is added to the variance of every pose",
     )

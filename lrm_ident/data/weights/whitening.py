@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.observations.observation import Observation
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
@@ -110,35 +111,44 @@ PLAIN = Whitening()
 """Positions alone, all alike."""
 
 
-def position_sd(covariance: Array) -> Array:
-    """(N,), standard deviation per axis of positions whose covariance begins that of their poses (N, 6, 6), m."""
-    return np.asarray(np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0))
+def joint_covariance(observations: Sequence[Observation]) -> Array:
+    """(N, R, R), lower triangles of the covariance of all that was measured of each pose (SI), positions first; NaN on
+    the diagonal: not measured."""
+    blocks = [one.covariance for one in observations]
+    out = np.zeros((len(blocks[0]), *[sum(block.shape[1] for block in blocks)] * 2))
+    end = 0
+    for one, block in zip(observations, blocks, strict=True):
+        rows = slice(end, end := end + block.shape[1])
+        out[:, rows, :3] = one.cross
+        out[:, rows, rows] = block
+    return out
+
+
+def joint_root(observations: Sequence[Observation]) -> Array:
+    """(N, R, R), root of the weights of all that was measured, positions first: of those that are correlated with them
+    together, of every other one by itself."""
+    counts = [one.numbers.shape[1] for one in observations]
+    rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+    together = [k for k, one in enumerate(observations) if k == 0 or isinstance(one.cross, np.ndarray)]
+    out = np.zeros((len(observations[0].values), sum(counts), sum(counts)))
+    for group in (together, *([k] for k in range(len(counts)) if k not in together)):
+        own = np.concatenate([rows[k] for k in group])
+        out[:, own[:, None], own] = root_of(joint_covariance([observations[k] for k in group]))
+    return out
+
+
+def known_part(covariance: Array) -> Array:
+    """(N, R, R), covariances with ones instead of what was not measured, NaN on the diagonal."""
+    missing = np.isnan(np.einsum("nrr->nr", covariance))
+    kept = np.where(missing[:, :, None] | missing[:, None, :], 0.0, covariance)
+    return np.asarray(kept + missing[:, :, None] * np.eye(missing.shape[1]))
 
 
 def root_of(covariance: Array) -> Array:
-    """(N, R, R), W with WᵀW = C⁻¹ of covariances (N, R, R); NaN on the diagonal: not measured, zero in W."""
-    missing = ~np.isfinite(np.einsum("nrr->nr", covariance))
-    filled = np.where(missing[:, :, None] | missing[:, None, :], 0.0, covariance)
-    filled = filled + np.einsum("nr,rs->nrs", missing.astype(float), np.eye(covariance.shape[1]))
-    root = np.linalg.inv(np.linalg.cholesky(filled))
-    return np.asarray(np.where(missing[:, :, None], 0.0, root))
-
-
-def whitening_of(sd: Array | None, covariance: Array, alone: Array, sensed: Sensed) -> Whitening:
-    """The weights of measurements.
-
-    Args:
-        sd: as in `Whitening`.
-        covariance: (N, 3 or 6, 3 or 6), of position and, if it is sensed, attitude (m, rad); NaN on the diagonal: not
-            measured.
-        alone: (N, k), standard deviations of the other rows, which are correlated with nothing; NaN: not measured.
-    """
-    size, k = covariance.shape[1], alone.shape[1]
-    root = np.zeros((len(covariance), size + k, size + k))
-    root[:, :size, :size] = root_of(covariance)
-    diagonal = np.arange(size, size + k)
-    root[:, diagonal, diagonal] = np.where(np.isnan(alone), 0.0, 1.0 / alone)
-    return Whitening(sd, root, sensed)
+    """(N, R, R), W with WᵀW = C⁻¹ of covariances (N, R, R), of which the lower triangle is read; NaN on the diagonal:
+    not measured, zero in W."""
+    root = np.linalg.inv(np.linalg.cholesky(known_part(covariance)))
+    return np.asarray(np.where(np.isnan(np.einsum("nrr->nr", covariance))[:, :, None], 0.0, root))
 
 
 def measured_alike(known: Whitening) -> Callable[[Poses], Whitening]:

@@ -109,9 +109,7 @@ def split_testable(
     effects: Iterable[Unfitted], equilibrium: Equilibrium, sensed: Sensed = TCP_ONLY
 ) -> tuple[list[Unfitted], list[Refusal]]:
     """The effects that these poses can test, and the others with the reason."""
-    excitation = Excitation(
-        equilibrium.poses, equilibrium.joint_torque, sensed.feedback, sensed.distance_from is not None
-    )
+    excitation = Excitation(equilibrium.poses, equilibrium.joint_torque, sensed.names)
     loaded = _loaded_slots(equilibrium)
     tried = [
         (effect, rows, _no_torque(effect, equilibrium, loaded) or _poses_lack(effect, excitation))

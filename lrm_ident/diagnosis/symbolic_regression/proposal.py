@@ -181,7 +181,7 @@ def _refit(
     largest = np.abs(law.values(data.poses, fitted.equilibrium.joint_torque)).max(axis=0)
     beside = None if known is None else known.law
     facts = how_found(found.tried, beside, found.before.rms, found.nested, found.p_value)
-    source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.path.name, facts)
+    source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.source.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:
         file = Path(folder) / "law.py"
         file.write_text(source, encoding="utf-8")

@@ -56,8 +56,8 @@ def blocks_with_field(
 
 def check_positions(data: Measurements) -> None:
     """Raises `LrmError` for poses without a measured position: a field is learned from positions alone."""
-    if len(data.positions) < len(data):
-        count = len(data) - len(data.positions)
+    if len(data.positions.rows) < len(data):
+        count = len(data) - len(data.positions.rows)
         raise LrmError(f"{count} poses have no measured position; a residual field needs the position of every pose")
 
 

@@ -12,9 +12,7 @@ import numpy as np
 
 from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, Objective
 from lrm_ident.fitting.priors import of_the_set_up
-from lrm_math.arrays import Array
-from lrm_math.effects import ParameterRef
-from lrm_math.model.sensed import along_distance
+from lrm_math.model.derivatives import direct_jacobian
 
 STEPS = 3
 
@@ -25,11 +23,12 @@ def with_anchor_fitted(objective: Objective, iterate: Iterate, noise: NoiseScale
     The same iterate where there are none, or where that is no better. No equilibrium depends on them.
     """
     places = [row for row, key in enumerate(objective.model.free) if of_the_set_up(key)]
-    best = iterate
+    keys, known, best = [objective.model.free[row] for row in places], objective.data.whitening, iterate
     for _ in range(STEPS if places else 0):
         weight = objective.root_weight(best, noise)
         target = (weight * best.residual).reshape(-1)
-        columns = (weight[:, :, None] * _by_anchor(objective, best, places)).reshape(len(target), len(places))
+        moved = direct_jacobian(best.equilibrium, keys, known.sensed) * objective.typical[places]
+        columns = (weight[:, :, None] * known(moved)).reshape(len(target), len(places))
         z = best.z.copy()
         # the distance is nearly linear in the end as long as it is far: two or three steps settle it
         z[places] += np.linalg.lstsq(columns, target, rcond=None)[0]
@@ -42,13 +41,3 @@ def with_anchor_fitted(objective: Objective, iterate: Iterate, noise: NoiseScale
             break
         best = trial
     return best
-
-
-def _by_anchor(objective: Objective, iterate: Iterate, places: list[int]) -> Array:
-    """(N, R, K), whitened derivative of what is predicted by scaled coordinates of the fixed end; `places`: theirs
-    among the parameters. The distance is the last row; it falls where the end comes nearer to the TCP."""
-    data, axes = objective.data, [ParameterRef.parse(objective.model.free[row]).name[0] for row in places]
-    line = along_distance(iterate.equilibrium, data.sensed.distance_from or (0.0, 0.0, 0.0))
-    moved = np.zeros((*iterate.residual.shape, len(places)))
-    moved[:, -1] = -line[:, ["xyz".index(axis) for axis in axes]] * objective.typical[places]
-    return data.whitening(moved)

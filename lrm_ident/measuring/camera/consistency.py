@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lrm_ident.data.observations.orientations import POSE
 from lrm_ident.data.weights.whitening import root_of
 from lrm_ident.measuring.camera.hand_eye import HandEye, lever_columns
 from lrm_ident.residual.significance import f_test_p_value
@@ -22,7 +23,6 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from lrm_math.model.sensed import Sensed
 
 ARM_ERROR = (5e-4, 2e-3)
 """m and rad: what effects that nobody has named yet leave of a pose."""
@@ -102,7 +102,7 @@ def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
     ]
     sizes = [model.parameter(key).typical for key in keys]
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
-    J = parameter_jacobian(solve_equilibrium(model, poses), keys, Sensed(attitude=True))
+    J = parameter_jacobian(solve_equilibrium(model, poses), keys, POSE)
     angles = {str(ParameterRef("offsets", joint, "theta_rad")) for joint in arm.joint_names}
     turns = J[:, :, [key in angles for key in keys]]
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)

@@ -13,8 +13,11 @@ from pydantic import Field
 
 from lrm_ident.data.measurement_file.conventions import frame_motion, frame_table
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.orientations import POSE, Orientations
+from lrm_ident.data.observations.positions import Positions
 from lrm_ident.data.rigid_motion import inverse, placement_motion
-from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
+from lrm_ident.data.source import Source
+from lrm_ident.data.weights.whitening import Whitening, root_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.measuring.camera.board import MIRRORED, RejectedPhoto, read_picture
@@ -30,7 +33,6 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import FrameTable
-from lrm_math.model.sensed import Sensed
 from lrm_math.toml_file import StrictSchema
 
 LEVELLINGS, ENOUGH_TO_LEVEL = 3, 40
@@ -143,18 +145,9 @@ def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) ->
     """Tool poses in the arm's frame and their covariance."""
     tool, covariance = found.tool, found.covariance
     number = np.array(photos.rows, dtype=np.int64) + 1
-    return Measurements(
-        poses=taken,
-        pose=number,
-        tcp=tool[:, :3, 3],
-        sd=position_sd(covariance),
-        noise_sd=None,
-        repeat_of=number,
-        path=path,
-        sha256="",
-        covariance=covariance,
-        attitude=tool[:, :3, :3],
-    )
+    position, turn, cross = covariance[:, :3, :3], covariance[:, 3:, 3:], covariance[:, 3:, :3]
+    seen = (Positions(tool[:, :3, 3], blocks=position), Orientations(tool[:, :3, :3], blocks=turn, cross=cross))
+    return Measurements(taken, seen, number, number, Source(path))
 
 
 def tool_poses(arm: Arm, poses: Poses) -> Array:
@@ -200,7 +193,8 @@ def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array
 def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
     """Weights with which photos at commanded poses would give the tool's pose, orientation included."""
     covariance = expected_covariance(session, arm, poses)
-    return whitening_of(position_sd(covariance), covariance, np.empty((len(poses), 0)), Sensed(attitude=True))
+    sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+    return Whitening(sd, root_of(covariance), POSE)
 
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:

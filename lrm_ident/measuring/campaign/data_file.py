@@ -16,7 +16,7 @@ import tomli_w
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import Metadata
-from lrm_ident.data.measurement_file.known_columns import QUATERNION
+from lrm_ident.data.measurement_file.pose_quantity import QUATERNION
 from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.table_text.csv_file import read_table

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
+from lrm_ident.data.measurement_file.pose_quantity import StatedQuantity
+from lrm_ident.data.measurement_file.write import csv_text, quantity_columns
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable, held

@@ -52,11 +52,11 @@ class CommandLog:
         if self.path.suffix == MCAP:
             return None
         read, _ = read_pose_feedback(self.path, self.arm)
-        if read is None:
+        if not read:
             return None
         steps = np.diff(self.t)
         episode = np.concatenate([[0], np.cumsum(steps > GAPS * np.median(steps))])
-        return LeRobotFrames(self.q, read, self.t, episode)
+        return LeRobotFrames(self.q, read[0].values, self.t, episode)
 
     def at(self, t: Array) -> Array:
         """(…, n), angles put out at times (…), straight between rows."""

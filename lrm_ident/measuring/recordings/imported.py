@@ -15,7 +15,8 @@ import numpy as np
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import metadata_of, motion_of, read_positions
 from lrm_ident.data.measurement_file.load import load_pose_table
-from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
+from lrm_ident.data.measurement_file.pose_quantity import StatedQuantity
+from lrm_ident.data.measurement_file.write import csv_text, quantity_columns
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints

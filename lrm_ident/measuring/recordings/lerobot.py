@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.column_names import BEFORE_JOINTS, SIDES
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS
-from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
+from lrm_ident.data.measurement_file.pose_quantity import StatedQuantity
+from lrm_ident.data.measurement_file.write import csv_text, quantity_columns
 from lrm_ident.data.registration.hypotheses import COUNTS, MOST_DEG
 from lrm_ident.data.registration.zero_conventions import convention_of
 from lrm_ident.data.wording import joint_labels

@@ -11,7 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.known_columns import ANGLE, PLACEMENT, POINT
+from lrm_ident.data.measurement_file.known_columns import ANGLE
+from lrm_ident.data.measurement_file.pose_quantity import PLACEMENT, POINT
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.errors import FileError, LrmError
 

@@ -15,7 +15,8 @@ from math import cos, degrees, pi, radians, sin
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.known_columns import ANGLE, PLACEMENT, POINT
+from lrm_ident.data.measurement_file.known_columns import ANGLE
+from lrm_ident.data.measurement_file.pose_quantity import PLACEMENT, POINT
 from lrm_ident.data.rigid_motion import homogeneous, shift, skew, turn
 from lrm_ident.design.detmax import exchange
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_csv
+from lrm_ident.data.measurement_file.pose_quantity import QUATERNION
 from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_ident.design.candidate_poses import ClearanceRules, keeps_rules

@@ -66,7 +66,7 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
     begun = "start: fitted model" if step.name is None else f"start: {step.name}"
     yield f"{number:4d}  {step.added or begun:30s} {in_mm(held_out):>7s}  {bar}{there}"
     if step.name is not None and not step.added:
-        yield Text(f"      left out: {poses_words(step.data.left_out)}", style="dim")
+        yield Text(f"      left out: {poses_words(step.data.source.left_out)}", style="dim")
     if step.evidence.equivalent:
         rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")

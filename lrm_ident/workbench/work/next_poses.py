@@ -52,7 +52,7 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResu
         noise=noise_mm * MM,
         measured=data.poses,
         repeats=REPEATS,
-        first_number=max(*data.pose.tolist(), *data.left_out) + 1,
+        first_number=max(*data.pose.tolist(), *data.source.left_out) + 1,
         seed=SEED,
         weights=measured_alike(data.whitening),
         measured_weights=data.whitening,

@@ -61,7 +61,7 @@ def open_files(task: tasks.OpenTask, send: tasks.Send) -> None:
         return
     name, arm = arm_for(task.data, task.arm)
     data = _read(task.data, arm, name, task.reading, None, every_pose)
-    _tell(data.notices, send)
+    _tell(data.source.notices, send)
     send(tasks.WorkProgress("fitting"))
     study = Study.of(data, progress=_bars(send)).fit()
     study.save(task.kept)
@@ -166,8 +166,8 @@ def step_found(
     file = found.file
     return tasks.StepResult(
         files,
-        title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
-        data_sha256=found.poses.sha256,
+        title=f"{file.arm} · {found.poses.source.path.name} · {found.field.poses} poses",
+        data_sha256=found.poses.source.sha256,
         diagnosed=found.diagnosis is not None,
         complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
         values=values_text(figure_values(found)),
@@ -220,7 +220,7 @@ def _bars(send: tasks.Send) -> Progress:
 
 def _screened(files: tasks.OpenFiles, study: Study) -> Diagnosis:
     """The screening of a step, made once in a process: `add` needs the one that its ranking came from."""
-    content = f"{sha256_of(files.model)} {study.data.sha256} {files.effects_file}"
+    content = f"{sha256_of(files.model)} {study.data.source.sha256} {files.effects_file}"
     if content not in _LAST:
         found = study.screen()
         _LAST.clear()

@@ -317,7 +317,7 @@ def test_columns_in_other_units(
 
 def test_a_noise_that_no_tracker_has_is_said(lab: Arm, tmp_path: Path) -> None:
     path = changed(tmp_path, lambda _, cells: cells.append("0.0003"), "sd_mm")
-    notices = load_measurements(path, lab).notices
+    notices = load_measurements(path, lab).source.notices
     assert any("sd_mm is 0.0003 mm" in words and "0.3 mm" in words for words in notices)
 
 

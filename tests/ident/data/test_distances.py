@@ -1,4 +1,4 @@
-"""Distances from a fixed point (string, ball bar): read, weighted, fitted alone and beside positions; derivatives."""
+"""Distances from a fixed point (string, ball bar): read, weighted, fitted alone and beside positions."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ import pytest
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import trilaterate, with_anchor
+from lrm_ident.data.observations.distances import Distances, PointDistance
+from lrm_ident.data.registration.anchor import trilaterate
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.registration.distance_check import misread_distances
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.registration.similarity import robust_similarity
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
 from lrm_ident.fitting.cross_validation import FOLDS, blocks_of_fit, cross_validated_residual
@@ -33,16 +36,14 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import deployed_part
-from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
-from lrm_math.model.sensed import Sensed, from_anchor
-from tests.support.random_arms import random_arm
 
 pytestmark = pytest.mark.usefixtures("one_step_folds")
 
 SD, POINT = 2e-4, np.array([0.15, -0.45, 0.05])
+FROM_POINT = PointDistance((POINT[0], POINT[1], POINT[2]))
 ANCHOR = tuple(f"anchor.distance.{axis}_mm" for axis in "xyz")
 
 
@@ -71,39 +72,9 @@ def measured(model: Model, poses: int, seed: int, positions: int = 0, point: boo
     equilibrium = solve_equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
     number, sd = np.arange(1, poses + 1), np.full(poses, SD)
     tcp = np.where(number[:, None] <= positions, equilibrium.tcp + rng.normal(0, SD, (poses, 3)), np.nan)
-    covariance = np.full((poses, 6, 6), np.nan)
-    covariance[:, :3, :3] = SD**2 * np.eye(3)
-    distance = np.linalg.norm(from_anchor(equilibrium, POINT), axis=1) + rng.normal(0, SD, poses)
-    return Measurements(
-        equilibrium.poses, number, tcp, sd, None, number, Path("made.csv"), "",
-        covariance=covariance if positions else None,
-        distance=distance, distance_sd=sd, distance_from=POINT if point else None, arm=model.arm,
-    )  # fmt: skip
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(2))
-def test_derivatives_are_those_of_central_differences(seed: int) -> None:
-    arm = random_arm(seed, 4)
-    names = ("offsets", "compliance", "servo_droop", "payload", "measurement_frame", "anchor")
-    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name)])
-    size = np.random.default_rng(seed).uniform(0.1, 0.4, len(model.keys))
-    model = model.with_values([p.default or s * p.typical for p, s in zip(model.parameters, size, strict=True)])
-    poses = poses_of(np.random.default_rng(seed).uniform(-1.2, 1.2, (6, 4)), 0.05)
-
-    def distance(at: Model) -> np.ndarray:
-        return np.linalg.norm(from_anchor(solve_equilibrium(at, poses, tolerance=1e-14), POINT), axis=1)
-
-    equilibrium = solve_equilibrium(model, poses, tolerance=1e-14)
-    sensed = Sensed(feedback=True, distance_from=(POINT[0], POINT[1], POINT[2]))
-    J = parameter_jacobian(equilibrium, sensed=sensed)
-    assert J.shape == (6, sensed.rows(4), len(model.keys)) == (6, 8, len(model.keys))
-    for j, parameter in enumerate(model.parameters):
-        h = 1e-4 * (parameter.fixed or parameter.typical)
-        step = h * (np.arange(len(model.keys)) == j)
-        plus, minus = (distance(model.with_values(model.values + s * step)) for s in (1, -1))
-        difference = (plus - minus) / (2 * h)
-        assert np.abs(J[:, -1, j] - difference).max() <= 1e-6 * np.abs(difference).max() + 3e-15 / h, model.keys[j]
+    distance = np.linalg.norm(FROM_POINT.line(equilibrium), axis=1) + rng.normal(0, SD, poses)
+    seen = Distances(distance, sd, start=FROM_POINT.point if point else None)
+    return Measurements.of_tcp(equilibrium.poses, tcp, sd=sd, source=Source(arm=model.arm)).beside(seen)
 
 
 @pytest.mark.slow
@@ -152,7 +123,7 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say(lab: Arm) -> None:
     z = []
     for seed in range(25):
         data = measured(truth, 40, seed, positions=5, point=False)
-        found = fit(replace(with_anchor(truth, data), free=keys), data)
+        found = fit(replace(with_set_up(truth, data), free=keys), data)
         estimate = np.array([found.model.value(key) for key in keys])
         z.append((estimate - list(exact.values())) / found.standard_error)
     within = np.mean(np.abs(z) < 1.96)
@@ -163,8 +134,8 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say(lab: Arm) -> None:
 def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> None:
     truth = true_model(lab)
     few = measured(truth, 90, 4, positions=45)
-    alone = few.take(few.positions)
-    without = replace(alone, distance=None, distance_sd=None, distance_from=None)
+    alone = few.take(few.positions.rows)
+    without = replace(alone, observations=(alone.positions,))
     elsewhere = measured(truth, 100, 9).poses
     there = solve_equilibrium(truth, elsewhere).tcp
 
@@ -173,7 +144,8 @@ def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> N
         return float(np.sqrt(((solve_equilibrium(model, elsewhere).tcp - there) ** 2).sum(axis=1).mean()))
 
     assert tip(few) < tip(without)
-    off = replace(few, distance_from=POINT + np.array([0.0, 0.004, 0.0]))
+    positions, seen = few.observations
+    off = replace(few, observations=(positions, replace(seen, start=(POINT[0], POINT[1] + 0.004, POINT[2]))))
     seen = diagnose(fit_model(nominal_model(lab), off, "identifiable", SQUARED).fit.model, off)
     assert [one.name for one in seen.supported][:1] == ["anchor@distance"]
     _, missing = split_testable(unfitted_effects(seen.fit.model), seen.fit.equilibrium, without.sensed)
@@ -237,7 +209,7 @@ def test_written_and_read_again(lab: Arm, tmp_path: Path) -> None:
         ("distance_mm", "far", "not a number"),
         ("distance_mm", "nan", "not a finite number"),
         ("distance_sd_mm", "0", "not above zero"),
-        ("distance_sd_mm", None, "some rows have a position, others only a distance"),
+        ("distance_sd_mm", None, "some rows have positions, others only distances"),
         ("y_mm", None, "missing column y_mm"),
         ("x_mm", "", "the rest of the position is not"),
     ],
@@ -269,10 +241,12 @@ def test_a_row_without_anything_and_a_point_that_is_none(lab: Arm, tmp_path: Pat
 
 def test_another_unit_is_noticed(lab: Arm) -> None:
     data = measured(true_model(lab), 40, 1, point=False)
+    positions, seen = data.observations
+    metres_as_mm = replace(seen, values=1e-3 * seen.values)
     with pytest.raises(FileError, match="unit of distance_mm"):
-        with_anchor(nominal_model(lab), replace(data, distance=data.distance * 1e-3))
+        with_set_up(nominal_model(lab), replace(data, observations=(positions, metres_as_mm)))
     with pytest.raises(FileError, match="3 distances"):
-        with_anchor(nominal_model(lab), data.take(np.arange(3)))
+        with_set_up(nominal_model(lab), data.take(np.arange(3)))
 
 
 @pytest.mark.parametrize("point", [True, False], ids=["a known point", "an unknown point"])
@@ -289,8 +263,7 @@ def test_misread_distances_are_named_and_the_remedy_reads_them(
     lab: Arm, tmp_path: Path, point: bool, change: dict[str, Callable[[Array], Array]], options: dict[str, object]
 ) -> None:
     data, path = measured(true_model(lab), 60, 1), tmp_path / "string.csv"
-    q, distance = np.degrees(data.poses.q), data.distance
-    assert distance is not None
+    q, distance = np.degrees(data.poses.q), data.observations[1].values
     q, distance = change.get("q", np.array)(q), change.get("distance", np.array)(1e3 * distance)
     header = ",".join([*(f"q{j}" for j in range(1, 7)), "distance"])
     np.savetxt(path, np.column_stack([q, distance]), delimiter=",", header=header, comments="")
@@ -305,4 +278,5 @@ def test_misread_distances_are_named_and_the_remedy_reads_them(
 def test_distances_of_a_real_arm_are_taken_as_read(lab: Arm) -> None:
     for seed in range(3):
         for point in (True, False):
-            assert misread_distances(lab, measured(true_model(lab), 40, seed, point=point)) is None
+            data = measured(true_model(lab), 40, seed, point=point)
+            assert misread_distances(lab, data, *data.of(Distances)) is None

@@ -142,8 +142,8 @@ def test_measurement_files(
     rng = np.random.default_rng(seed)
     q = rng.uniform(-1.7, 1.7, (count, 6))
     pose = rng.permutation(100)[:count] + 1
-    data = Measurements(
-        poses=Poses(
+    data = Measurements.of_tcp(
+        Poses(
             q=q,
             payload=rng.choice([0.0, 0.0663], count),
             direction=directions(q, None),
@@ -151,13 +151,10 @@ def test_measurement_files(
             session=rng.integers(1, 3, count).astype(float) if full else None,
             temperature=rng.uniform(20, 40, count).round(2) if full else None,
         ),
-        pose=pose,
-        tcp=rng.normal(0, 0.3, (count, 3)),
+        rng.normal(0, 0.3, (count, 3)),
         sd=rng.uniform(1e-4, 1e-3, count) if full else None,
-        noise_sd=None,
+        pose=pose,
         repeat_of=rng.choice(pose, count) if full else pose,
-        path=Path("none"),
-        sha256="",
     )
     path = tmp_path_factory.mktemp("data") / "data.csv"
     path.write_text(measurements_csv(data))
@@ -220,10 +217,9 @@ def test_feedback_beside_commanded_poses_is_read_in_the_order_and_with_the_signs
     path.write_text(f"{','.join(names)}\n{','.join(['1'] * n + [str(i) for i in range(1, n + 1)])}\n")
     order, sign = [2, 1, *range(3, n + 1)], [1, -1, *[1] * (n - 2)]
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\njoint_order = {order}\njoint_sign = {sign}\n')
-    feedback, sd = read_pose_feedback(path, arm)
-    assert feedback is not None
+    (feedback,), sd = read_pose_feedback(path, arm)
     assert sd is None
-    np.testing.assert_allclose(np.degrees(feedback[0]), np.array(order) * sign)
+    np.testing.assert_allclose(np.degrees(feedback.values[0]), np.array(order) * sign)
 
 
 def test_an_arm_file_beside_the_data_is_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv, quantity_columns
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.reason import ReasonKind
@@ -60,19 +62,24 @@ def measured(model: Model, poses: int, seed: int, covariance: Array | None = Non
     equilibrium = solve_equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
     C = np.diag([SD**2] * 3 + [TURN_SD**2] * 3) if covariance is None else covariance
     error = rng.multivariate_normal(np.zeros(6), C, poses)
-    number = np.arange(1, poses + 1)
-    return Measurements(
-        equilibrium.poses, number, equilibrium.tcp + error[:, :3],
-        np.full(poses, np.sqrt(np.trace(C[:3, :3]) / 3)), None, number,
-        Path("made.csv"), "", covariance=np.broadcast_to(C, (poses, 6, 6)).copy(),
-        attitude=Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(equilibrium),
-        feedback=encoder_angles(equilibrium) + rng.normal(0, FEEDBACK_SD, (poses, model.arm.dof)),
-        feedback_sd=FEEDBACK_SD,
-    )  # fmt: skip
+    every = np.broadcast_to(C, (poses, 6, 6))
+    turned = Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(equilibrium)
+    read = encoder_angles(equilibrium) + rng.normal(0, FEEDBACK_SD, (poses, model.arm.dof))
+    data = Measurements.of_tcp(equilibrium.poses, equilibrium.tcp + error[:, :3])
+    return data.with_positions(replace(data.positions, blocks=every[:, :3, :3])).beside(
+        Orientations(turned, blocks=every[:, 3:, 3:], cross=every[:, 3:, :3]),
+        EncoderReadings(read, np.full(poses, FEEDBACK_SD)),
+    )
 
 
 def positions_only(data: Measurements) -> Measurements:
-    return replace(data, attitude=None, feedback=None, feedback_sd=None)
+    return replace(data, observations=(data.positions,))
+
+
+def alike(data: Measurements) -> Measurements:
+    """Positions with one standard deviation each."""
+    positions = data.positions
+    return data.with_positions(replace(positions, sd=positions.rms_sd, blocks=None))
 
 
 def fitted(model: Model, data: Measurements) -> Fit:
@@ -83,9 +90,8 @@ def test_written_and_read_again(so101: Arm, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     root = np.diag([4e-4, 3e-4, 2e-3, 1e-3, 2e-3, 3e-3]) @ (np.eye(6) + 0.2 * rng.normal(size=(6, 6)))
     data = measured(hidden(so101), 30, 1, root @ root.T)
-    assert data.attitude is not None
-    assert data.feedback is not None
-    data.attitude[3], data.feedback[4, 2] = np.nan, np.nan
+    _, orientations, feedback = data.observations
+    orientations.values[3], feedback.values[4, 2] = np.nan, np.nan
     path = tmp_path / "poses.csv"
     path.write_text(measurements_csv(data))
     path.with_suffix(".toml").write_text(
@@ -110,17 +116,15 @@ def test_encoders_that_count_from_0_to_360_deg_read_the_turn_of_the_command(so10
     for rows in (plain[1:], [",".join(row) for row in turned]):
         path.write_text("\n".join([plain[0], *rows]) + "\n")
         path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nfeedback_sd_deg = 0.1\n')
-        again.append(load_measurements(path, so101).feedback)
-    assert again[0] is not None
+        (feedback,) = load_measurements(path, so101).of(EncoderReadings)
+        again.append(feedback.values)
     np.testing.assert_allclose(again[1], again[0], atol=1e-9)
 
 
 def test_scatter_of_positions_alone(so101: Arm, tmp_path: Path) -> None:
     """A covariance without an orientation weighs the positions, along the axes that it is read in."""
     C = np.diag([3e-4, 4e-4, 3e-3, 1.0, 1.0, 1.0]) ** 2
-    C[3:, 3:] = np.nan
-    data = positions_only(measured(hidden(so101), 12, 1))
-    data = replace(data, covariance=np.broadcast_to(C, (12, 6, 6)).copy())
+    data = positions_only(measured(hidden(so101), 12, 1, C))
     path = tmp_path / "scatter.csv"
     path.write_text(measurements_csv(data))
     plain, turned = (load_measurements(path, so101, Reading(axes=axes)) for axes in ("x,y,z", "z,y,-x"))
@@ -154,18 +158,19 @@ def test_bad_columns(so101: Arm, tmp_path: Path, column: str, value: float | str
 
 def test_unstated_parts_are_kept_but_not_used(so101: Arm, tmp_path: Path) -> None:
     path = tmp_path / "plain.csv"
-    data = replace(measured(hidden(so101), 12, 1), covariance=None)
+    positions, orientations, feedback = measured(hidden(so101), 12, 1).observations
+    plain = [replace(one, sd=None, blocks=None, cross=0.0) for one in (positions, orientations)]
+    data = replace(measured(hidden(so101), 12, 1), observations=(*plain, feedback))
     path.write_text(measurements_csv(data))
     again = load_measurements(path, so101)
-    assert again.attitude is None
-    assert again.feedback is None
-    assert sum("not used" in notice for notice in again.notices) == 2
+    assert len(again.observations) == 1
+    assert sum("not used" in notice for notice in again.source.notices) == 2
 
 
 def test_a_round_covariance_is_a_standard_deviation(so101: Arm) -> None:
     truth = hidden(so101)
     data = positions_only(measured(truth, 60, 2))
-    plain = replace(data, covariance=None)
+    plain = alike(data)
     start = replace(truth, free=("compliance.joint2.k_rad_per_Nm", "offsets.joint3.theta_rad", "offsets.tool.x_mm"))
     one, other = fit(start, data), fit(start, plain)
     np.testing.assert_allclose(one.model.values, other.model.values, atol=1e-12)
@@ -182,9 +187,9 @@ def test_depth_that_is_poorly_measured_is_weighted_down(so101: Arm) -> None:
     there = solve_equilibrium(truth, elsewhere).tcp
     errors = {"one sd": [], "covariance": [], "pose": []}
     for seed in range(4):
-        data = replace(measured(truth, 50, seed, C), feedback=None, feedback_sd=None)
-        ways = {"one sd": replace(data, covariance=None, attitude=None), "covariance": replace(data, attitude=None)}
-        for name, way in {**ways, "pose": data}.items():
+        data = measured(truth, 50, seed, C)
+        alone, pose = positions_only(data), replace(data, observations=data.observations[:2])
+        for name, way in {"one sd": alike(alone), "covariance": alone, "pose": pose}.items():
             found = fitted(hidden(so101), way)
             errors[name].append(
                 float(((solve_equilibrium(found.model, elsewhere).tcp - there) ** 2).sum(axis=1).mean())
@@ -285,7 +290,7 @@ def test_it_turns_with_the_frame_of_the_positions(lab: Arm, seed: int) -> None:
 
 def leaning_measurements(arm: Arm, poses: Poses) -> Measurements:
     number = np.arange(1, COUNT + 1)
-    return Measurements(poses, number, tips(arm, poses), None, None, number, Path("x.csv"), "")
+    return Measurements.of_tcp(poses, tips(arm, poses), pose=number)
 
 
 @pytest.mark.parametrize("command", [False, True])

@@ -17,8 +17,11 @@ from lrm_ident.data.measurement_file.commanded_poses import after_gap, direction
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.rigid_motion import quaternions
+from lrm_ident.data.source import Source
 from lrm_ident.data.weights.model_error import additional_sd, with_model_error
 from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.loss import SQUARED
@@ -62,8 +65,8 @@ def test_zeros_of_a_lost_tracker_are_left_out_and_said(lab: Arm, tmp_path: Path)
     for lost in (3, 40, 41):
         rows[lost][-3:] = ["0.0", "0", "-0.000"]
     data = load_checked(example(tmp_path, rows), lab)
-    assert data.left_out == (4, 41, 42)
-    assert any("exactly 0, 0, 0" in words and "4, 41, 42" in words for words in data.notices)
+    assert data.source.left_out == (4, 41, 42)
+    assert any("exactly 0, 0, 0" in words and "4, 41, 42" in words for words in data.source.notices)
     whole = load_checked(example(tmp_path, healthy), lab).without([4, 41, 42])
     np.testing.assert_array_equal(data.tcp, whole.tcp)
     np.testing.assert_array_equal(data.poses.direction, whole.poses.direction)  # the arm was there all the same
@@ -74,8 +77,8 @@ def test_a_frozen_tracker_is_left_out_and_said(lab: Arm, tmp_path: Path) -> None
     for stale in (10, 11):
         rows[stale][-3:] = rows[9][-3:]
     data = load_checked(example(tmp_path, rows), lab)
-    assert data.left_out == (11, 12)
-    assert any("stands still" in words and "11, 12" in words for words in data.notices)
+    assert data.source.left_out == (11, 12)
+    assert any("stands still" in words and "11, 12" in words for words in data.source.notices)
 
 
 def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
@@ -144,7 +147,7 @@ def test_after_a_split_directions_are_right_or_unknown(kept: list[bool], seed: i
 def test_a_gap_in_the_pose_numbers_is_said(lab: Arm, tmp_path: Path) -> None:
     rows = [row for number, row in enumerate(rows_of(80), start=1) if number not in (20, 21, 50)]
     data = load_measurements(example(tmp_path, rows), lab)
-    assert any("before pose 22, 51 the file lacks a pose" in words for words in data.notices)
+    assert any("before pose 22, 51 the file lacks a pose" in words for words in data.source.notices)
     assert data.poses.direction is not None
     assert (data.poses.direction[[19, 47]] == 0.0).all()
     again = tmp_path / "again.csv"
@@ -155,18 +158,20 @@ def test_a_gap_in_the_pose_numbers_is_said(lab: Arm, tmp_path: Path) -> None:
 def test_other_orders_of_the_rows_are_said(lab: Arm, tmp_path: Path) -> None:
     rows = rows_of(60)
     data = load_measurements(example(tmp_path, [*rows[30:], *rows[:30]]), lab)
-    assert any("do not ascend" in words for words in data.notices)
-    assert any("t_s runs backwards" in words for words in data.notices)
+    assert any("do not ascend" in words for words in data.source.notices)
+    assert any("t_s runs backwards" in words for words in data.source.notices)
 
 
 def test_times_that_are_rather_milliseconds_are_said(lab: Arm, tmp_path: Path) -> None:
     names, rows = EXAMPLE.read_text().splitlines()[0].split(","), rows_of(30)
     slow = [[row[0], str(1000 * int(row[1])), *row[2:]] for row in rows]
     said = load_measurements(example(tmp_path, slow), lab)
-    assert any("4.17 h or more apart; if t_s is in milliseconds: rename it t_ms" in words for words in said.notices)
+    assert any(
+        "4.17 h or more apart; if t_s is in milliseconds: rename it t_ms" in words for words in said.source.notices
+    )
     renamed = load_measurements(example(tmp_path, slow, [name.replace("t_s", "t_ms") for name in names]), lab)
     as_it_is = load_measurements(example(tmp_path, rows), lab)
-    assert not any("apart" in words for words in (*renamed.notices, *as_it_is.notices))
+    assert not any("apart" in words for words in (*renamed.source.notices, *as_it_is.source.notices))
     assert renamed.poses.t is not None
     np.testing.assert_allclose(renamed.poses.t, as_it_is.poses.t)
 
@@ -176,7 +181,7 @@ def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp
     second = [[str(number), *row[1:at], "2", *row[at + 1 :]] for number, row in enumerate(rows[20:], start=1)]
     data = load_measurements(example(tmp_path, [*rows[:20], *second]), lab)
     np.testing.assert_array_equal(data.pose, np.arange(1, 41))
-    assert any("each session has its own pose numbers" in words for words in data.notices)
+    assert any("each session has its own pose numbers" in words for words in data.source.notices)
     with pytest.raises(FileError, match="pose 5 stands in line 6 already"):
         load_measurements(example(tmp_path, [*rows[:20], rows[4], *second]), lab)
 
@@ -184,7 +189,9 @@ def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp
 def test_a_repetition_elsewhere_is_said(lab: Arm, tmp_path: Path) -> None:
     names = [*EXAMPLE.read_text().splitlines()[0].split(","), "repeat_of"]
     rows = [[*row, "1" if row[0] == "9" else ""] for row in rows_of(20)]
-    assert any("repeat_of: pose 9" in words for words in load_measurements(example(tmp_path, rows, names), lab).notices)
+    assert any(
+        "repeat_of: pose 9" in words for words in load_measurements(example(tmp_path, rows, names), lab).source.notices
+    )
 
 
 def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
@@ -199,12 +206,8 @@ def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
     q = rng.uniform(*limits.T, (count, arm.dof))
     poses = replace(poses_of(q), direction=directions(q, None))
     equilibrium = solve_equilibrium(model_of(arm, model.effects, sizes), poses)
-    number = np.arange(1, count + 1)
-    return Measurements(
-        poses, number, equilibrium.tcp + rng.normal(0, 1e-4, (count, 3)), None, None, number,
-        Path("made.csv"), "", arm=arm,
-        attitude=tool_rotation(equilibrium),
-    )  # fmt: skip
+    tcp = equilibrium.tcp + rng.normal(0, 1e-4, (count, 3))
+    return Measurements.of_tcp(poses, tcp, source=Source(arm=arm)).beside(Orientations(tool_rotation(equilibrium)))
 
 
 def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: list[str], **units: float) -> Path:
@@ -213,9 +216,9 @@ def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: lis
         for name, angles in zip(joints, data.poses.q.T, strict=True)
     ]
     columns += [(f"{axis}_mm", data.tcp[:, i] / MM, 6) for i, axis in enumerate("xyz")]
-    assert data.attitude is not None
     if quaternion:
-        columns += [(name, part, 9) for name, part in zip(quaternion, quaternions(data.attitude).T, strict=True)]
+        (seen,) = data.of(Orientations)
+        columns += [(name, part, 9) for name, part in zip(quaternion, quaternions(seen.values).T, strict=True)]
         columns += [("sd_mm", np.full(len(data), 0.1), 3), ("srot_deg", np.full(len(data), 0.1), 3)]
     path = folder / "made.csv"
     path.write_text(csv_text(columns))
@@ -243,8 +246,9 @@ def test_an_orientation_in_another_order(quaternion: list[str], said: str, tmp_p
 
 def test_an_inverse_orientation(tmp_path: Path) -> None:
     data = so101_data(60, 1)
-    assert data.attitude is not None
-    path = as_file(tmp_path, replace(data, attitude=data.attitude.transpose(0, 2, 1)), ["qw", "qx", "qy", "qz"], JOINTS)
+    positions, seen = data.observations
+    inverse = replace(data, observations=(positions, Orientations(seen.values.transpose(0, 2, 1))))
+    path = as_file(tmp_path, inverse, ["qw", "qx", "qy", "qz"], JOINTS)
     with pytest.raises(FileError, match="negate qx, qy and qz"):
         load_checked(path, load_arm("so101"))
 
@@ -263,10 +267,11 @@ def test_compare_prints_by_how_much_tools_are_turned_that_the_model_does_not_exp
     """Fresh orientations turned by 2 degrees, each about an axis of its own."""
     made, fresh = so101_data(60, 1), so101_data(60, 1)
     stdout_of("fit", as_file(tmp_path, made, QUATERNION, JOINTS), "--arm", "so101", "-o", tmp_path / "model.toml")
-    assert fresh.attitude is not None
+    positions, seen = fresh.observations
     axes = np.random.default_rng(7).normal(size=(60, 3))
     turn = Rotation.from_rotvec(np.radians(2.0) * axes / np.linalg.norm(axes, axis=1, keepdims=True)).as_matrix()
-    path = as_file(tmp_path, replace(fresh, attitude=turn @ fresh.attitude), QUATERNION, JOINTS)
+    turned = replace(fresh, observations=(positions, Orientations(turn @ seen.values)))
+    path = as_file(tmp_path, turned, QUATERNION, JOINTS)
     out = stdout_of("compare", tmp_path / "model.toml", path)
     row = next(line for line in out.splitlines() if line.strip().startswith("model"))
     assert float(row.split()[-1]) == pytest.approx(2.0, abs=0.05), out
@@ -277,7 +282,7 @@ def test_the_joints_own_names_are_columns(tmp_path: Path) -> None:
     path = as_file(tmp_path, made, [], [f"{name}_rad" for name in JOINTS], angle=np.pi / 180)
     data = load_checked(path, load_arm("so101"))
     np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
-    assert any("q1_deg = 'shoulder_pan_rad' times 57.2958" in words for words in data.notices)
+    assert any("q1_deg = 'shoulder_pan_rad' times 57.2958" in words for words in data.source.notices)
 
 
 @pytest.mark.parametrize(
@@ -305,8 +310,8 @@ def test_columns_of_lerobot_are_commands_and_what_encoders_read(
     )
     data = load_measurements(path, load_arm("so101"), Reading(angle_unit=unit))
     np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
-    assert data.feedback is not None
-    np.testing.assert_allclose(data.feedback, made.poses.q + 0.01, atol=1e-9)
+    (read_back,) = data.of(EncoderReadings)
+    np.testing.assert_allclose(read_back.values, made.poses.q + 0.01, atol=1e-9)
 
 
 def test_what_encoders_read_is_no_command(tmp_path: Path) -> None:
@@ -332,14 +337,17 @@ def test_additional_variance_of_a_known_sample() -> None:
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_what_a_prior_decides_is_no_error_of_the_model(seed: int) -> None:
-    made = replace(so101_data(24, 30 + seed), attitude=None)
+    made = so101_data(24, 30 + seed)
+    made = replace(made, observations=(made.positions,))
     rng, arm = np.random.default_rng(seed), load_arm("so101")
     sd = np.where(rng.random(24) < 0.5, 2e-4, 4e-4)
     known = fit_model(nominal_model(arm), made, "identifiable", SQUARED).fit
     tcp = known.equilibrium.tcp + rng.normal(0.0, sd[:, None], (24, 3))
-    found = fit_model(nominal_model(arm), replace(made, tcp=tcp, sd=sd), "identifiable", SQUARED)
+    found = fit_model(
+        nominal_model(arm), made.with_positions(replace(made.positions, values=tcp, sd=sd)), "identifiable", SQUARED
+    )
     assert found.fit.effective_parameters < 0.8 * len(found.fit.model.free)
-    assert found.data.model_sd < 1e-4
+    assert found.data.positions.model_sd < 1e-4
     file = model_file(found.fit, found.data, HeldOutResidual(None), "so101", StepName(FIT), prior=TYPICAL)
     decided = effective_parameters(file, found.fit.model, CATALOGUE)
     assert decided == pytest.approx(found.fit.effective_parameters, abs=0.1)
@@ -348,10 +356,11 @@ def test_what_a_prior_decides_is_no_error_of_the_model(seed: int) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -> None:
-    made = replace(so101_data(90, 10 + seed, "backlash@joint2"), attitude=None)
+    made = so101_data(90, 10 + seed, "backlash@joint2")
+    made = replace(made, observations=(made.positions,))
     arm = load_arm("so101")
     sd = np.where(np.random.default_rng(seed).random(90) < 0.2, 1e-5, 3e-4)
-    plain, stated = made, replace(made, sd=sd)
+    plain, stated = made, made.with_positions(replace(made.positions, sd=sd))
     errors = []
     for data in (plain, stated):
         found = fit_model(nominal_model(arm), data, "identifiable", SQUARED)
@@ -359,7 +368,7 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
         errors.append(float(np.sqrt((left**2).sum(axis=1).mean())))
     assert errors[1] <= 1.1 * errors[0], errors
     blind = fit_model(nominal_model(arm), plain, "identifiable", SQUARED).fit
-    assert with_model_error(stated, blind.equilibrium, blind.effective_parameters).model_sd > 2e-4
+    assert with_model_error(stated, blind.equilibrium, blind.effective_parameters).positions.model_sd > 2e-4
 
 
 @pytest.mark.long

@@ -208,7 +208,7 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     )
     tcp = synthetic.measure(rig, truth, q, 0.0, 3e-4, seed)
     number = np.arange(1, len(q) + 1)
-    data = Measurements(poses_of(q), number, tcp, None, 3e-4, number, Path("two"), "")
+    data = Measurements.of_tcp(poses_of(q), tcp, 3e-4, pose=number)
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     found = fit_identifiable(model, data, model.keys).fit
     assert 2.7e-4 < found.sigma < 3.3e-4

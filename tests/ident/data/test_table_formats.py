@@ -79,7 +79,7 @@ def test_the_same_numbers_in_another_format(tmp_path: Path, lab: Arm, name: str)
     np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS], atol=1e-9)
     np.testing.assert_allclose(data.tcp * 1e3, [row[7:] for row in ROWS], atol=1e-9)
     np.testing.assert_array_equal(data.pose, [1, 2])
-    assert not any("last line" in words for words in data.notices)
+    assert not any("last line" in words for words in data.source.notices)
 
 
 AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -121,7 +121,7 @@ def test_ambiguity_is_an_error_that_shows_the_line(tmp_path: Path, lab: Arm, nam
 def test_names_that_are_read_otherwise_are_told(tmp_path: Path, lab: Arm) -> None:
     path = tmp_path / "data.csv"
     path.write_text(text([*NAMES[:7], "tcp_x", "y_mm", "z_mm"]))
-    (notice,) = load_measurements(path, lab).notices
+    (notice,) = load_measurements(path, lab).source.notices
     assert "x_mm = 'tcp_x'" in notice
 
 
@@ -151,9 +151,9 @@ def test_a_recording_is_sent_to_import(tmp_path: Path, lab: Arm, begin: str) -> 
 def test_of_two_statements_of_the_noise_the_one_not_used_is_told(tmp_path: Path, lab: Arm) -> None:
     path = tmp_path / "data.csv"
     path.write_text(text([*NAMES, "sd_mm"], rows=[[*row, 0.1] for row in ROWS]))
-    assert load_measurements(path, lab).notices == ()
+    assert load_measurements(path, lab).source.notices == ()
     path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nnoise_sd_mm = 0.5\n')
-    (notice,) = load_measurements(path, lab).notices
+    (notice,) = load_measurements(path, lab).source.notices
     assert "noise_sd_mm of the file beside the data is not used" in notice
 
 
@@ -181,7 +181,7 @@ def test_a_file_beside_is_known_by_its_schema(tmp_path: Path, lab: Arm, name: st
     path = tmp_path / "run1.csv"
     path.write_text(text(NAMES))
     SIDECARS[name](path.with_suffix(".toml"))
-    (notice,) = load_measurements(path, lab).notices
+    (notice,) = load_measurements(path, lab).source.notices
     assert "run1.toml" in notice
     assert "schema" in notice or "lrm/" in notice
 
@@ -250,7 +250,7 @@ def test_an_optional_column_that_cannot_be_read_is_left_out_and_said(
 ) -> None:
     data = read(tmp_path, arm, {name: [cell] * 9})
     assert len(data) == 9
-    assert any(f"column {name} left out: no cell is a" in words for words in data.notices), data.notices
+    assert any(f"column {name} left out: no cell is a" in words for words in data.source.notices), data.source.notices
 
 
 @pytest.mark.parametrize("name", ["t_s", "temp_c", "sd_mm"])
@@ -264,7 +264,7 @@ def test_rows_without_a_time_are_left_out_where_that_is_asked_for(arm: Arm, tmp_
     (tmp_path / "data.toml").write_text('schema = "lrm/measurements/1"\nbad_rows = "skip"\n')
     data = read(tmp_path, arm, {"t_s": ["1", "2", cell, "4", "5", "6", "7", "8", "9"]})
     assert len(data) == 8
-    assert any("1 row with cells that are no numbers left out: line 4" in words for words in data.notices)
+    assert any("1 row with cells that are no numbers left out: line 4" in words for words in data.source.notices)
 
 
 @pytest.mark.parametrize("names", [("Q0", "Q1", "Q2", "Q3"), ("q0", "q1", "q2", "q3")])
@@ -278,7 +278,7 @@ def test_an_orientation_as_leica_writes_it_is_no_joint(tmp_path: Path, names: tu
     path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\n')
     data = load_measurements(path, arm)
     np.testing.assert_allclose(np.degrees(data.poses.q), rows[:, :6], atol=1e-9)
-    assert any(f"qw = '{names[0]}'" in words for words in data.notices)
+    assert any(f"qw = '{names[0]}'" in words for words in data.source.notices)
 
 
 @pytest.mark.parametrize("before", ["", "arm_", "left_", "main_", "action.right_"])
@@ -339,7 +339,7 @@ def test_a_workbook_is_read_as_the_csv_of_its_first_sheet(tmp_path: Path, lab: A
     data = load_measurements(path, lab)
     np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS], atol=1e-9)
     np.testing.assert_allclose(data.tcp * 1e3, [row[7:] for row in ROWS], atol=1e-9)
-    assert "read from the first sheet of the workbook" in data.notices
+    assert "read from the first sheet of the workbook" in data.source.notices
 
 
 def test_dates_of_a_workbook_are_times(tmp_path: Path, lab: Arm) -> None:
@@ -396,7 +396,7 @@ def test_latin_1_is_read_and_said(tmp_path: Path, lab: Arm) -> None:
     path.write_bytes(text([NAMES[0], *(f"q{i} (°)" for i in range(1, 7)), *NAMES[7:]]).encode("latin-1"))
     data = load_measurements(path, lab)
     np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS], atol=1e-9)
-    assert any("Latin-1" in notice for notice in data.notices)
+    assert any("Latin-1" in notice for notice in data.source.notices)
     assert "°" in read_text(path).text
 
 
@@ -462,7 +462,7 @@ def test_angles_from_0_to_360_are_read_and_said(tmp_path: Path, lab: Arm) -> Non
     data = load_measurements(written(tmp_path / "data.csv", [header, *turned]), lab)
     np.testing.assert_allclose(data.poses.q, load_measurements(EXAMPLE, lab).poses.q, atol=1e-9)
     beyond = sum(float(row[j]) > np.degrees(lab.joints[0].upper) for row in turned)
-    assert any(f"{beyond} angles are beyond the limits of joint 1" in notice for notice in data.notices)
+    assert any(f"{beyond} angles are beyond the limits of joint 1" in notice for notice in data.source.notices)
 
 
 def bad_rows(path: Path) -> tuple[Path, list[int]]:
@@ -488,7 +488,7 @@ def test_rows_with_bad_cells_are_skipped_when_asked_and_by_the_next_command(tmp_
     path, _ = bad_rows(tmp_path / "data.csv")
     data = load_measurements(path, lab, Reading(bad_rows="skip"))
     assert len(data) == len(load_measurements(EXAMPLE, lab)) - 3
-    assert any("5, 10, 13" in notice for notice in data.notices)
+    assert any("5, 10, 13" in notice for notice in data.source.notices)
     model = tmp_path / "model.toml"
     stdout_of("fit", path, "--arm", "lrm-lab", "--bad-rows", "skip", "-o", model)
     stdout_of("compare", model, path)

@@ -14,7 +14,7 @@ from lrm_ident.data.measurement_file.conventions import metadata_of
 from lrm_ident.data.measurement_file.touched_points import known_points
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.registration.set_up import with_set_up
-from lrm_ident.data.registration.touched import rigid_motion_between
+from lrm_ident.data.registration.similarity import rigid_motion_between
 from lrm_ident.data.rigid_motion import placement_motion
 from lrm_ident.fitting.cross_validation import held_out_folds
 from lrm_ident.fitting.loss import SQUARED
@@ -178,7 +178,7 @@ def test_without_distances_each_point_stands_alone_and_a_length_is_held(
     data = load_checked(write_touches(tmp_path, touches, ""), so101)
     assert len(data.touched) == 12
     assert not any(frame.turns for frame in data.touched)
-    assert any("scale of the arm is not measured" in notice for notice in data.notices)
+    assert any("scale of the arm is not measured" in notice for notice in data.source.notices)
     model = fit_model(nominal_model(so101, ["offsets"]), data, "identifiable", SQUARED).fit.model
     longest = max(range(1, 6), key=lambda k: max(abs(so101.joints[k - 1].a), abs(so101.joints[k - 1].d)))
     name = "a" if abs(so101.joints[longest - 1].a) > abs(so101.joints[longest - 1].d) else "d"
@@ -239,8 +239,8 @@ def test_what_was_touched_once_is_left_out(so101: Arm, touches: Touches, tmp_pat
     lone = [*touches, (touches[0][0], "A", "floor")]
     data = load_checked(write_touches(tmp_path, lone, points_toml()), so101)
     assert len(data.touched) == 3
-    assert data.left_out == (25,)
-    assert any("touched once" in notice for notice in data.notices)
+    assert data.source.left_out == (25,)
+    assert any("touched once" in notice for notice in data.source.notices)
 
 
 def test_poses_elsewhere_know_no_board(so101: Arm) -> None:

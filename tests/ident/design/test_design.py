@@ -181,7 +181,7 @@ def test_expected_errors_are_what_fits_scatter_by(lab: Arm) -> None:
     rng, away = np.random.default_rng(0), []
     for _ in range(25):
         seen = tcp + rng.normal(0, 3e-4, tcp.shape)
-        data = Measurements(found.poses, found.number, seen, None, None, found.number, Path("made"), "")
+        data = Measurements.of_tcp(found.poses, seen, pose=found.number)
         fitted = fit(truth, data, no_bounds(truth.free)).model
         away.append(((solve_equilibrium(fitted, poses).tcp - everywhere) ** 2).sum(axis=1).mean())
     assert np.sqrt(np.mean(away)) * 1e3 == pytest.approx(found.after.tcp, rel=0.12)

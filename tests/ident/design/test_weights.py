@@ -10,9 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from lrm_ident.cli.app import app
-from lrm_ident.data.measurement_file.known_columns import POSITION
+from lrm_ident.data.measurement_file.pose_quantity import POSITION
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.encoder_readings import EncoderAngles
+from lrm_ident.data.observations.orientations import POSE, Orientations
+from lrm_ident.data.source import Source
 from lrm_ident.data.weights.whitening import Whitening, measured_alike, root_of
 from lrm_ident.design.fisher_information import fisher_information, whiten
 from lrm_ident.design.pose_design import DesignProblem, design
@@ -22,7 +25,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.sensed import Sensed, tool_rotation
+from lrm_math.model.sensed import Sensed, TcpPosition, tool_rotation
 
 
 def some_poses(arm: str, count: int, seed: int) -> Poses:
@@ -47,7 +50,7 @@ def test_information_is_updated_for_any_number_of_rows(rows: int) -> None:
 
 def whole_poses(count: int, turn: float) -> Whitening:
     C = np.broadcast_to(np.diag([3e-4] * 3 + [turn] * 3) ** 2, (count, 6, 6))
-    return Whitening(np.full(count, 3e-4), root_of(C), Sensed(attitude=True))
+    return Whitening(np.full(count, 3e-4), root_of(C), POSE)
 
 
 def problem(weights: Whitening | None, rivals: tuple[str, ...] = ()) -> DesignProblem:
@@ -79,7 +82,7 @@ def test_poses_measured_already_count_by_their_own_noise() -> None:
 
 @pytest.mark.long
 def test_droop_and_flex_can_be_told_apart_by_feedback_that_is_planned() -> None:
-    sensed = Sensed(feedback=True)
+    sensed = Sensed((TcpPosition(), EncoderAngles()))
     root = np.broadcast_to(np.diag([1 / 3e-4] * 3 + [1 / 5e-4] * 5), (4, 8, 8))
     planned = problem(Whitening(np.full(4, 3e-4), root, sensed), ("servo_droop@joint2",))
     found = design(planned, some_poses("so101", 80, 1))
@@ -100,12 +103,9 @@ def written(path: Path, arm: str, count: int) -> Path:
     """Whole poses of the nominal arm with noise, as a file with its metadata."""
     model, rng = nominal_model(load_arm(arm)), np.random.default_rng(0)
     equilibrium = solve_equilibrium(model, some_poses(arm, count, 3))
-    number, covariance = np.arange(1, count + 1), np.broadcast_to(np.diag([3e-4] * 3 + [1e-3] * 3) ** 2, (count, 6, 6))
     tcp: Array = equilibrium.tcp + rng.normal(0, 3e-4, (count, 3))
-    data = Measurements(
-        equilibrium.poses, number, tcp, np.full(count, 3e-4), None, number, path, "", covariance=covariance.copy(),
-        attitude=tool_rotation(equilibrium),
-    )  # fmt: skip
+    plain = Measurements.of_tcp(equilibrium.poses, tcp, sd=np.full(count, 3e-4), source=Source(path))
+    data = plain.beside(Orientations(tool_rotation(equilibrium), np.full(count, 1e-3)))
     path.write_text(measurements_csv(data))
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\narm = "{arm}"\n')
     return path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,7 +37,7 @@ def play_and_measurements(seed: int, softness: float, width: float) -> tuple[Mod
     truth = model_of(arm, (*base, *effects_at(arm, PLAY)), {**known, SOFTNESS: softness, WIDTH: width})
     poses, number = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES)), np.arange(1, POSES + 1)
     tcp = solve_equilibrium(truth, poses).tcp + rng.normal(0.0, NOISE, (POSES, 3))
-    return replace(model_of(arm, base), free=FREE), Measurements(poses, number, tcp, None, None, number, Path("-"), "")
+    return replace(model_of(arm, base), free=FREE), Measurements.of_tcp(poses, tcp, pose=number)
 
 
 @pytest.mark.long
@@ -112,7 +111,7 @@ def test_an_effect_of_many_times_its_typical_size_is_told(seed: int) -> None:
     [key] = belt.keys
     for hidden in (amount, 0.0):
         tcp = solve_equilibrium(model_of(arm, (*base, belt), {**known, key: hidden}), poses).tcp + noise
-        data = Measurements(poses, number, tcp, None, None, number, Path("-"), "")
+        data = Measurements.of_tcp(poses, tcp, pose=number)
         found = add_effects(model, data, [belt])
         error = found.standard_error[found.model.free.index(key)]
         if hidden == 0.0:  # it stays at its typical size, and is no cause

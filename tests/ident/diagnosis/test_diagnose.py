@@ -183,7 +183,7 @@ def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm
     tcp = data.tcp.copy()
     wrong = [10, 77, 200]
     tcp[wrong] += np.array([[0.1, 0, 0], [0, 0.08, 0], [0, 0, -0.12]])
-    spoiled = replace(data, tcp=tcp)
+    spoiled = data.with_tcp(tcp)
     report = build_report(diagnose(base_fit(lab, spoiled), spoiled))
     assert set(report.diagnosis.outliers) == {int(data.pose[row]) for row in wrong}
     assert "backlash@joint3" in first_class(report)
@@ -198,7 +198,7 @@ def test_many_wrong_measurements_are_left_out_whatever_the_loss(tmp_path: Path, 
     out = rng.normal(size=(8, 3))
     tcp = data.tcp.copy()
     tcp[wrong] += out * (rng.uniform(0.005, 0.025, 8) / np.linalg.norm(out, axis=1))[:, None]
-    spoiled = replace(data, tcp=tcp)
+    spoiled = data.with_tcp(tcp)
     found = diagnose(base_fit(lab, spoiled), spoiled, loss=loss_named("huber"))
     assert set(found.outliers) == {int(data.pose[row]) for row in wrong}
     assert not found.above_floor
@@ -311,11 +311,11 @@ def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     rows = np.repeat(np.arange(60), 3)
     rng = np.random.default_rng(0)
     again = data.take(rows)
-    noisy = replace(again, tcp=again.tcp + rng.normal(0, 5e-4, again.tcp.shape), pose=np.arange(180) + 1)
+    noisy = replace(again, pose=np.arange(180) + 1).with_tcp(again.tcp + rng.normal(0, 5e-4, again.tcp.shape))
     floor = noise_floor(replace(noisy, repeat_of=rows + 1), equilibrium.take(rows))
     assert floor.source == "replicates"
     assert floor.sd == pytest.approx(5e-4, rel=0.1)
-    assert noise_floor(replace(data, noise_sd=None), equilibrium).sd is None
+    assert noise_floor(data.with_positions(replace(data.positions, noise_sd=None)), equilibrium).sd is None
     copied = replace(again, pose=np.arange(180) + 1, repeat_of=rows + 1)
     assert noise_floor(copied, equilibrium.take(rows)).source == "metadata", "copies to the last digit are no repeats"
 
@@ -330,7 +330,7 @@ def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
     equilibrium = solve_equilibrium(model, Poses(q, np.zeros(60), sides))
     tcp = equilibrium.tcp + rng.normal(0.0, 3e-4, equilibrium.tcp.shape)
     pose = np.arange(60) + 1
-    data = Measurements(equilibrium.poses, pose, tcp, None, None, rows + 1, Path("repeats.csv"), "")
+    data = Measurements.of_tcp(equilibrium.poses, tcp, pose=pose, repeat_of=rows + 1)
     assert noise_floor(data, equilibrium).sd == pytest.approx(3e-4, rel=0.25)
     without = solve_equilibrium(model_of(lab, ()), equilibrium.poses)
     assert (noise_floor(data, without).sd or 0.0) > 1e-3
@@ -352,7 +352,7 @@ def test_a_cause_that_makes_repeats_differ_is_not_taken_for_noise(lab: Arm, seed
     tcp = equilibrium.tcp + rng.normal(0.0, 3e-4, equilibrium.tcp.shape)
     repeat_of = np.arange(80) + 1
     repeat_of[3::4] = repeat_of[1::4]
-    data = Measurements(equilibrium.poses, np.arange(80) + 1, tcp, None, None, repeat_of, Path("repeats.csv"), "")
+    data = Measurements.of_tcp(equilibrium.poses, tcp, pose=np.arange(80) + 1, repeat_of=repeat_of)
     found = diagnose(model_of(lab, effects_at(lab, "offsets")), data)
     assert found.screening.lack_of_fit_p_value > SIGNIFICANCE, "the residual is no larger than the repeats differ"
     assert [one.name for one in found.supported][:1] == ["hysteresis@joint2"]
@@ -376,7 +376,7 @@ def test_few_repeats_do_not_show_that_nothing_is_missing(lab: Arm) -> None:
         poses = Poses(np.vstack([q, q[repeated]]), np.zeros(80))
         tcp = solve_equilibrium(model, poses).tcp + rng.normal(0.0, 2e-4, (80, 3))
         repeat_of = np.append(np.arange(72), repeated) + 1
-        data = Measurements(poses, np.arange(80) + 1, tcp, None, None, repeat_of, Path("repeats.csv"), "")
+        data = Measurements.of_tcp(poses, tcp, pose=np.arange(80) + 1, repeat_of=repeat_of)
         found = diagnose(model_of(lab, effects_at(lab, "offsets")), data)
         accepted += found.screening.lack_of_fit_p_value > SIGNIFICANCE and not found.structure.significant
         named = [name for one in found.supported[:1] for name in (one.name, *found.equivalent[one.name])]

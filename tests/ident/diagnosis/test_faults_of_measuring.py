@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,7 +94,7 @@ def measured(seed: int, *effects: HiddenEffect, sessions: int = 1, count: int = 
     load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
     tcp = measure(described, truth, q, load, NOISE, seed, plan)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s, session if sessions > 1 else None, number=number)
-    return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
+    return Measurements.of_tcp(poses, tcp, NOISE, pose=number)
 
 
 @pytest.mark.slow
@@ -106,7 +105,7 @@ def test_a_tracker_that_was_pushed_between_sessions_is_a_moved_base(lab: Arm, se
     turn = rotation_matrix(np.radians(rng.uniform(-0.3, 0.3, 3)))
     moved = data.tcp @ np.asarray(turn).T + rng.uniform(-0.003, 0.003, 3)
     second = np.asarray(data.poses.session == 2.0)[:, None]
-    data = replace(data, tcp=np.where(second, moved, data.tcp))
+    data = data.with_tcp(np.where(second, moved, data.tcp))
     found = diagnose(base_fit(lab, data), data, KINDS)
     assert found.selected[0].name == "session@base"
     assert found.supported[0].name == "session@base"
@@ -119,7 +118,7 @@ def test_a_tracker_that_creeps_is_a_drifting_base(lab: Arm, timed: bool) -> None
     data = measured(3)
     assert data.poses.t is not None
     shift = (1.0 - np.exp(-data.poses.t / 900.0))[:, None] * np.array([0.003, -0.002, 0.001])
-    data = replace(data, tcp=data.tcp + shift, poses=data.poses if timed else replace(data.poses, t=None))
+    data = replace(data, poses=data.poses if timed else replace(data.poses, t=None)).with_tcp(data.tcp + shift)
     assert diagnose(base_fit(lab, data), data, KINDS).selected[0].name == "drift@base"
 
 
@@ -132,7 +131,7 @@ def test_a_joint_that_slipped_is_named_with_the_moment(lab: Arm, seed: int, join
     q[last:, joint] += np.radians(1.0)
     truth = as_deviations(described, GroundTruth.random(described, seed, ()))
     plan = Schedule(15.0 * healthy.pose, np.ones(len(q)), np.zeros(6))
-    data = replace(healthy, tcp=measure(described, truth, q, healthy.poses.payload, NOISE, seed, plan))
+    data = healthy.with_tcp(measure(described, truth, q, healthy.poses.payload, NOISE, seed, plan))
     run = run_auto(base_fit(lab, data), data, catalogue=KINDS)
     name = f"change_point@joint{joint + 1}"
     assert [step.added for step in run.steps] == ["", name]
@@ -161,7 +160,7 @@ def test_a_target_that_was_put_on_again_is_named_and_deployed_as_it_sits_now(
         6,
         Schedule(15.0 * healthy.pose, session, np.zeros(6)),
     )
-    data = replace(healthy, tcp=np.where(healthy.pose[:, None] > last, now, healthy.tcp))
+    data = healthy.with_tcp(np.where(healthy.pose[:, None] > last, now, healthy.tcp))
     run = run_auto(base_fit(lab, data), data, catalogue=KINDS)
     assert [step.added for step in run.steps] == ["", f"{kind.id}@tool"]
     assert run.verdict == "nothing_missing"
@@ -178,7 +177,7 @@ def test_a_last_joint_that_slipped_cannot_be_told_from_a_turned_target(lab: Arm)
     q[70:, 5] += np.radians(1.5)
     truth = as_deviations(described, GroundTruth.random(described, 5, ()))
     plan = Schedule(15.0 * healthy.pose, np.ones(len(q)), np.zeros(6))
-    data = replace(healthy, tcp=measure(described, truth, q, healthy.poses.payload, NOISE, 5, plan))
+    data = healthy.with_tcp(measure(described, truth, q, healthy.poses.payload, NOISE, 5, plan))
     found = diagnose(base_fit(lab, data), data, KINDS)
     both = {found.supported[0].name, *found.equivalent[found.supported[0].name]}
     assert {"change_point@joint6", "change_point@tool"} <= both
@@ -252,7 +251,7 @@ def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab
     data = measured(3, count=200)
     tcp, rows = data.tcp.copy(), np.arange(99, 114)
     tcp[rows] = data.tcp[rows - 1]
-    slipped = replace(data, tcp=tcp)
+    slipped = data.with_tcp(tcp)
     found = diagnose(base_fit(lab, slipped), slipped, PLAIN_KINDS)
     report = build_report(found)
     assert report.first is None
@@ -270,7 +269,7 @@ def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed:
     rng, data = np.random.default_rng(seed), measured(seed, count=60)
     bent = springs.with_values(rng.uniform(0.01, 0.05, len(springs.keys)))
     rigid, sagged = (solve_equilibrium(each, data.poses).tcp for each in (springs, bent))
-    risen = replace(data, tcp=2.0 * rigid - sagged)
+    risen = data.with_tcp(2.0 * rigid - sagged)
     found = diagnose(fit(springs.with_free(springs.keys), risen).model, risen, PLAIN_KINDS)
     assert set(found.fit.at_bound) == set(found.fit.model.free)
     np.testing.assert_allclose(found.fit.residual, risen.tcp - rigid, atol=1e-9)
@@ -297,7 +296,7 @@ def test_without_a_known_noise_nothing_missing_is_never_said(lab: Arm) -> None:
     data = measured(4, count=200)
     model = base_fit(lab, data)
     assert build_report(diagnose(model, data, PLAIN_KINDS)).verdict == "nothing_missing"
-    blind = replace(data, noise_sd=None)
+    blind = data.with_positions(replace(data.positions, noise_sd=None))
     report = build_report(diagnose(model, blind, PLAIN_KINDS))
     assert report.verdict == "noise_unknown"
     assert "noise at most" in str(diagnosis_document(report).blocks)

@@ -12,6 +12,7 @@ import pytest
 from examples.demo.hidden import hidden_arm
 from examples.demo.pose_files import LOAD_G, clear_poses
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.confirm import confirm
@@ -70,7 +71,7 @@ def measured(described: ArmDescription, truth: GroundTruth, seed: int, count: in
     load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
     tcp, number = measure(described, truth, q, load, NOISE, seed, plan), np.arange(1, count + 1)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s)
-    return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
+    return Measurements.of_tcp(poses, tcp, NOISE, pose=number)
 
 
 def hidden(described: ArmDescription, seed: int, *effects: HiddenEffect) -> Measurements:
@@ -149,7 +150,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     """Play and drift of one joint together; one judge: each step is the first of the diagnosis before it."""
     effects = WarmUp(2, np.radians(2.2), 1800.0), SoftPlay(2, np.radians(2.4), 0.03)
     data = measured(described, GroundTruth.random(described, 5, effects), 5, 120)
-    data = replace(data, tcp=data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
+    data = data.with_tcp(data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
     course = run_auto(base_fit(lab, data), data)
     assert {"drift@joint2", "backlash@joint2"} <= {name for step in course.steps[1:] for name in step.names}
     assert course.confirmed.first is None
@@ -181,7 +182,7 @@ def test_more_than_the_noise_is_never_called_nothing(lab: Arm, described: ArmDes
     """White noise twice what the file says: nothing to follow, and yet not nothing."""
     data = hidden(described, 7)
     assert diagnose(base_fit(lab, data), data).verdict == "nothing_missing"
-    quieter = replace(data, noise_sd=NOISE / 2)
+    quieter = data.with_positions(replace(data.positions, noise_sd=NOISE / 2))
     assert diagnose(base_fit(lab, data), quieter).verdict == "unpredictable"
 
 
@@ -190,10 +191,11 @@ def test_the_few_poses_that_hold_what_is_left_are_named(lab: Arm, described: Arm
     data = hidden(described, 7)
     moved = data.tcp.copy()
     moved[[10, 40, 70], 2] += 8 * NOISE
-    wrong = replace(data, tcp=moved)
+    wrong = data.with_tcp(moved)
     found = diagnose(base_fit(lab, wrong), wrong)
     assert set(data.pose[[10, 40, 70]]) <= {*found.outliers, *found.data.pose[list(found.fit.outliers)]}
-    quieter = replace(found.screening, data=replace(found.data, noise_sd=NOISE / 2))
+    positions = replace(found.data.positions, noise_sd=NOISE / 2)
+    quieter = replace(found.screening, data=found.data.with_positions(positions))
     document = diagnosis_document(build_report(replace(found, screening=quieter)))
     far = document.values["far_poses"]
     assert sorted(far) == [int(found.data.pose[row]) for row in found.fit.outliers]
@@ -229,7 +231,7 @@ def test_gain_at_few_levels_is_hinted_at(lab: Arm, described: ArmDescription) ->
     data = measured(described, GroundTruth.nominal(described), 10, 90)
     q = np.radians(np.array([-60.0, 0.0, 60.0])[np.random.default_rng(0).integers(0, 3, data.poses.q.shape)])
     tcp = measure(described, GroundTruth.nominal(described), q, 0.0, NOISE, 0)
-    few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90)), tcp=tcp)
+    few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90))).with_tcp(tcp)
     model = model_of(lab, effects_at(lab, "servo_gain@joint2"))
     hints = parameter_hints(fit(replace(model, free=model.keys), few))
     assert ParameterHint(HintKind.FEW_LEVELS, (3,), ("joint2", "servo_gain")) in hints
@@ -249,8 +251,8 @@ def test_two_parameters_go_before_a_curve_of_twenty_four(lab: Arm, seed: int) ->
     tip = true_state(described, hidden_arm(described, 18).truth, q, payload).tcp_m
     noisy = np.asarray(tip) + rng.normal(scale=1.8e-4, size=(80, 3))
     poses = poses_of(q, payload)
-    data = Measurements(
-        poses, np.arange(1, 81), noisy, None, None, numbers, Path("simulated"), "", arm=lab, arm_name=""
+    data = Measurements.of_tcp(
+        poses, noisy, pose=np.arange(1, 81), repeat_of=numbers, source=Source(arm=lab, arm_name="")
     )
     fitted = fit_model(nominal_model(lab), data, "identifiable", SQUARED).fit
     assert [one.name for one in diagnose(fitted.model, data).supported] == ["base_compliance@base"]

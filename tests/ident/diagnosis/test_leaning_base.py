@@ -80,8 +80,8 @@ def test_the_report_says_that_the_base_is_not_level(tmp_path: Path) -> None:
 def test_nothing_gives_way_to_gravity(tmp_path: Path) -> None:
     """A model without compliances cannot show a lean, and that is said."""
     data, _ = leaning_recording(7, Lean("x", 5, 60)).load(tmp_path)
-    assert data.arm is not None
-    rigid = model_of(data.arm, effects_at(data.arm, "offsets@joint2"))
+    assert data.source.arm is not None
+    rigid = model_of(data.source.arm, effects_at(data.source.arm, "offsets@joint2"))
     found = diagnose(rigid.with_free(rigid.keys[:1]), data)
     assert {effect.name: reason for effect, reason in found.not_testable}["gravity@base"] == Reason(ReasonKind.RIGID)
 

@@ -58,4 +58,7 @@ def test_an_excess_of_an_eighth_is_seen_in_many_poses(tmp_path: Path) -> None:
     model, data = upright_measurements(tmp_path, 1, 300, NOISE)
     base = fit_model(model, data, "identifiable", SQUARED).fit.model
     assert diagnose(base, data).verdict == Verdict.NOTHING_MISSING
-    assert diagnose(base, replace(data, noise_sd=NOISE / 1.125)).verdict == Verdict.UNPREDICTABLE
+    assert (
+        diagnose(base, data.with_positions(replace(data.positions, noise_sd=NOISE / 1.125))).verdict
+        == Verdict.UNPREDICTABLE
+    )

@@ -279,7 +279,7 @@ def test_a_change_needs_ten_poses_behind_it_to_be_forecast(step: float, late: bo
     [effect] = effects_at(load_arm("so101"), "change_point@tool")
     model: Any = SimpleNamespace(value=lambda _: step)
     poses, number = poses_of(np.zeros((40, 5))), np.arange(1, 41)
-    data = Measurements(replace(poses, number=number), number, np.zeros((40, 3)), None, None, number, Path("few"), "")
+    data = Measurements.of_tcp(replace(poses, number=number), np.zeros((40, 3)), pose=number)
     assert changes_too_late(effect, model, data) is late
 
 

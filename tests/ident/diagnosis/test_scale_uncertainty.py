@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.distances import Distances
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
@@ -38,16 +39,13 @@ def measured(arm: Arm, distances: int) -> Measurements:
     true = solve_equilibrium(model_of(arm, ()), poses).tcp
     tcp = true + SCALE * (true - true.mean(axis=0)) * [0.0, 0.0, 1.0] + SD * rng.normal(size=true.shape)
     number = np.arange(1, count + 1)
-    data = Measurements(poses, number, tcp, None, SD, number, Path("frame.csv"), "", arm=arm)
+    data = Measurements.of_tcp(poses, tcp, SD, pose=number, source=Source(arm=arm))
     if not distances:
         return data
     far = np.linalg.norm(true - STRING_AT, axis=1) + SD * rng.normal(size=count)
     far[distances:] = np.nan
-    sd, covariance = np.full(count, SD), np.full((count, 6, 6), np.nan)
-    covariance[:, :3, :3] = SD**2 * np.eye(3)
-    return replace(
-        data, sd=sd, noise_sd=None, covariance=covariance, distance=far, distance_sd=sd, distance_from=STRING_AT
-    )
+    sd, (x, y, z) = np.full(count, SD), STRING_AT.tolist()
+    return Measurements.of_tcp(poses, tcp, sd=sd, source=data.source).beside(Distances(far, sd, start=(x, y, z)))
 
 
 def fitted(arm: Arm, data: Measurements) -> Fit:
@@ -133,7 +131,7 @@ def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_pat
     rng = np.random.default_rng(seed)
     far = np.zeros((len(data), 3))
     far[rng.permutation(len(data))[:24]] = rng.normal(scale=0.015, size=(24, 3))
-    report = diagnosed(model, replace(data, tcp=data.tcp + far))
+    report = diagnosed(model, data.with_tcp(data.tcp + far))
     assert report.diagnosis.outlier_distances
     assert not report.patterns.regimes
     assert report.deployed.now == report.held_out

@@ -16,6 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.arm_text import template
 from lrm_ident.data.robot_files.urdf import parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
@@ -67,7 +68,7 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
     model = nominal_model(arm)
     values = {key: 0.1 * rng.uniform() * p.typical for key, p in zip(model.keys, model.parameters, strict=True)}
     tcp = solve_equilibrium(model_of(arm, model.effects, values), poses).tcp + rng.normal(0, noise, (count, 3))
-    return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
+    return Measurements.of_tcp(poses, tcp, noise, pose=number, source=Source(arm=arm))
 
 
 @pytest.mark.usefixtures("one_step_folds")
@@ -83,7 +84,7 @@ def test_the_play_of_a_palletisers_motor_is_named() -> None:
     poses = Poses(q=q, payload=rng.choice([0.0, 0.1], 150), direction=directions(q, None))
     hidden = model_of(arm, (*truth.effects, *effects_at(arm, "backlash@joint2")), values)
     tcp = solve_equilibrium(hidden, poses).tcp + rng.normal(0, 2e-4, (150, 3))
-    data = Measurements(poses, number, tcp, None, 2e-4, number, Path("palletiser.csv"), "", arm=arm)
+    data = Measurements.of_tcp(poses, tcp, 2e-4, pose=number, source=Source(arm=arm))
     report = build_report(diagnose(fit_model(truth, data, "identifiable", SQUARED).fit.model, data))
     assert report.verdict == "effect_missing"
     assert report.first is not None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.cross_validation import (
     MOST_TRAINING,
     Split,
@@ -57,7 +57,7 @@ def base_model(arm: Arm) -> Model:
 
 def measured(poses: Poses, tcp: np.ndarray, sd: np.ndarray | None = None) -> Measurements:
     number = np.arange(1, len(poses) + 1)
-    return Measurements(poses, number, tcp, sd, None, number, Path("made"), "")
+    return Measurements.of_tcp(poses, tcp, sd=sd, pose=number)
 
 
 def random_truth(arm: Arm, seed: int, option: str = "option1") -> Model:
@@ -335,7 +335,7 @@ def flat_valley(count: int) -> Measurements:
     poses = poses_of(rng.uniform(low, high, (count, arm.dof)))
     tcp = solve_equilibrium(model.with_values(np.array(values)), poses).tcp + rng.normal(size=(count, 3)) * 0.3e-3
     number = np.arange(1, count + 1)
-    return Measurements(poses, number, tcp, None, None, number, Path("made.csv"), "", arm=arm)
+    return Measurements.of_tcp(poses, tcp, pose=number, source=Source(arm=arm))
 
 
 @pytest.mark.long

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.cross_validation import Split, one_step_fits
 from lrm_ident.fitting.least_squares.smoothness import (
     LEAST,
@@ -46,7 +47,7 @@ def wavy(arm: Arm, count: int = 70, upper: float = 0.1, seed: int = 1, size: flo
     true = q + size * np.sin(5.0 * q) * (np.arange(arm.dof) == 1)
     tcp = solve_equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
     number = np.arange(1, count + 1)
-    return Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("waves.csv"), "", arm=arm)
+    return Measurements.of_tcp(poses_of(q), tcp, 2e-4, pose=number, source=Source(arm=arm))
 
 
 def curved(arm: Arm) -> Model:
@@ -94,7 +95,7 @@ def test_penalties_are_of_forms_only(lab: Arm) -> None:
 def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> None:
     """And one of which they do is not: weights by the marginal likelihood."""
     there = wavy(lab, 150, 1.4)
-    nothing = replace(there, tcp=wavy(lab, 150, 1.4, size=0.0).tcp)
+    nothing = there.with_tcp(wavy(lab, 150, 1.4, size=0.0).tcp)
     keys = effects_at(lab, CURVE)[0].keys
     sizes = []
     for data in (there, nothing):

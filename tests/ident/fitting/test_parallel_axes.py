@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED
@@ -65,7 +65,7 @@ def independent_tcp(arm: Arm, q: Array, turned: dict[int, Array]) -> Array:
 
 def measured(arm: Arm, q: Array, tcp: Array) -> Measurements:
     number = np.arange(len(q))
-    return Measurements(poses_of(q), number, tcp, None, NOISE, number, Path("made"), "", arm=arm)
+    return Measurements.of_tcp(poses_of(q), tcp, NOISE, pose=number, source=Source(arm=arm))
 
 
 def test_beta_is_there_where_axes_are_parallel_and_nowhere_else() -> None:

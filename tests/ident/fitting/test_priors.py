@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting import cross_validation
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.identifiability import fit_identifiable
@@ -66,7 +67,7 @@ def measured(seed: int, count: int, noise: float = 3e-4) -> Measurements:
     q = synthetic.random_poses(rig, count, seed)
     tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q, 0.0, noise, seed)
     number = np.arange(1, count + 1)
-    return Measurements(poses_of(q), number, tcp, None, noise, number, Path("synthetic"), "")
+    return Measurements.of_tcp(poses_of(q), tcp, noise, pose=number)
 
 
 def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
@@ -138,7 +139,7 @@ def test_robust_losses_take_a_prior_too(whole: Model, loss: str) -> None:
     spoiled[::15] += 0.1
     prior = prior_of_typical_sizes(whole)
     clean = fit(whole, data, prior=prior)
-    found = fit(whole, replace(data, tcp=spoiled), loss=loss_named(loss), prior=prior)
+    found = fit(whole, data.with_tcp(spoiled), loss=loss_named(loss), prior=prior)
     fresh = measured(8, 300, noise=0.0)
     rms = [
         np.sqrt(((fresh.tcp - solve_equilibrium(one.model, fresh.poses).tcp) ** 2).sum(1).mean())
@@ -176,7 +177,7 @@ def test_data_without_noise_are_no_trouble(whole: Model) -> None:
     data = measured(2, 60, noise=0.0)
     rng = np.random.default_rng(2)
     true = whole.with_values(rng.normal(0.0, 0.3, len(whole.keys)) * prior.sd_of(whole.keys))
-    exact = replace(data, tcp=solve_equilibrium(true, data.poses).tcp)
+    exact = data.with_tcp(solve_equilibrium(true, data.poses).tcp)
     found = fit(whole, exact, no_bounds(whole.free), prior=prior)
     assert found.sigma < 1e-6
     deviation = (found.model.values - true.values) / prior.sd_of(whole.keys)
@@ -343,7 +344,8 @@ NOISE = 3e-4  # m
 
 def unstated(seed: int, count: int, noise: float = NOISE) -> Measurements:
     """The same, of a noise that nobody states."""
-    return replace(measured(seed % 1000, count, noise), noise_sd=None)
+    data = measured(seed % 1000, count, noise)
+    return data.with_positions(replace(data.positions, noise_sd=None))
 
 
 def seen_by(truth: Model, count: int, seed: int) -> Measurements:
@@ -353,7 +355,7 @@ def seen_by(truth: Model, count: int, seed: int) -> Measurements:
     truth = replace(truth, within=measured_range(solve_equilibrium(model_of(truth.arm, ()), poses)))
     tcp = solve_equilibrium(truth, poses).tcp + NOISE * rng.normal(size=(count, 3))
     number = np.arange(1, count + 1)
-    return Measurements(poses, number, tcp, None, None, number, Path("made"), "", arm=truth.arm)
+    return Measurements.of_tcp(poses, tcp, pose=number, source=Source(arm=truth.arm))
 
 
 @pytest.mark.long
@@ -413,7 +415,7 @@ def test_few_poses_are_enough(lab: Arm) -> None:
     """24 poses for 45 parameters: near the noise at fresh poses."""
     fresh = unstated(3003, 300, 0.0)
     model = nominal_model(lab)
-    data = replace(unstated(3, 24), arm=lab)
+    data = replace(unstated(3, 24), source=Source(arm=lab))
     found = fit_model(model, data, "identifiable", SQUARED).fit
     assert len(found.model.free) == 45 > found.effective_parameters
     left = fresh.residual(solve_equilibrium(found.model, fresh.poses))
@@ -439,7 +441,7 @@ def test_what_no_pose_shows_stays_at_zero_and_the_fit_says_so(lab: Arm) -> None:
     model = model_of(lab, [*nominal_model(lab).effects, *effects_at(lab, "servo_gain@joint4")])
     tcp = solve_equilibrium(model, poses_of(q)).tcp + NOISE * rng.normal(size=(60, 3))
     number = np.arange(60)
-    data = Measurements(poses_of(q), number, tcp, None, None, number, Path("made"), "")
+    data = Measurements.of_tcp(poses_of(q), tcp, pose=number)
     found = fit_identifiable(model, data, [key for key in model.keys if model.parameter(key).fixed is None]).fit
     told = dict(zip(found.model.free, found.told, strict=True))
     gain = [key for key in told if key.startswith("servo_gain")]

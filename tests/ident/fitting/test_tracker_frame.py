@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.study.model_history import as_written
 from lrm_math.arm.arm import Arm
@@ -96,8 +97,8 @@ def test_a_refit_to_other_poses_has_their_centre(lab: Arm) -> None:
     q = np.random.default_rng(6).uniform(-0.2, 1.2, (60, lab.dof))
     centred = replace(model, within=measured_range(solve_equilibrium(model, poses_of(q))))
     number = np.arange(60)
-    data = Measurements(
-        poses_of(q), number, solve_equilibrium(centred, poses_of(q)).tcp, None, None, number, Path("made"), "", arm=lab
+    data = Measurements.of_tcp(
+        poses_of(q), solve_equilibrium(centred, poses_of(q)).tcp, pose=number, source=Source(arm=lab)
     )
     found = fit(model, data)
     assert np.abs(found.residual).max() < 1e-9

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.design.installation import FEW, expected_errors, installation_poses
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.transfer import TransferredModel, transferred
@@ -55,7 +55,7 @@ def measured(model: Model, q: Array, seed: int = 0) -> Measurements:
     """Measurements of a model's arm at commands (rad)."""
     number, tcp = np.arange(1, len(q) + 1), solve_equilibrium(model, poses_of(q)).tcp
     noise = np.random.default_rng(seed).normal(0.0, NOISE, tcp.shape)
-    return Measurements(poses_of(q), number, tcp + noise, None, NOISE, number, Path("few.csv"), "", arm=model.arm)
+    return Measurements.of_tcp(poses_of(q), tcp + noise, NOISE, pose=number, source=Source(arm=model.arm))
 
 
 def on_the_rover(start: TransferredModel, seed: int) -> Model:

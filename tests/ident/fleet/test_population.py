@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.forward_selection import forward_select
 from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting.priors import EffectRates
@@ -209,7 +210,7 @@ def fleet(softer: float, folder: Path) -> FleetResult:
         )
         pose = np.arange(1, POSES + 1)
         tcp = equilibrium.tcp + rng.normal(0, 3e-4, (POSES, 3))
-        data = Measurements(equilibrium.poses, pose, tcp, None, None, pose, Path("made.csv"), "", arm=arm)
+        data = Measurements.of_tcp(equilibrium.poses, tcp, pose=pose, source=Source(arm=arm))
         name, tags = f"arm{number}", (("batch", "AB"[second]), ("screwdriver", "xy"[number // 2 % 2]))
         evidence = evidence_of(model_of(arm, effects), data, ARM)
         members.append(FleetMember(name, Path(f"{name}.csv"), ARM, tags))

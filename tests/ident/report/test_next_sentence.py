@@ -26,7 +26,7 @@ def test_of_data_of_two_sessions_another_one_is_asked_for() -> None:
     moved = STEP_RAD * second[:, None] * joint_levers(equilibrium)[0].T
     tcp = equilibrium.tcp + moved + np.random.default_rng(1).normal(0.0, NOISE_M, (POSES, 3))
     poses = replace(part.poses, session=second.astype(float), power_cycle=second.astype(int))
-    found = lrm.Study.of(replace(part, tcp=tcp, poses=poses)).fit().diagnose()
+    found = lrm.Study.of(replace(part, poses=poses).with_tcp(tcp)).fit().diagnose()
     assert found.first is not None
     names = {found.first.scored.name, *found.first.equivalent}
     assert {"session@joint1", "change_point@joint1"} <= names

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds
 from lrm_ident.report.text.poses import where_measured
 from lrm_ident.report.text.residuals import regime_sentence
@@ -44,7 +44,7 @@ def poses_of(seed: int, count: int = 240) -> Measurements:
     number = np.arange(count)
     time = np.linspace(0.0, 15.0 * count, count)
     poses = Poses(rng.uniform(-1.7, 1.7, (count, 4)), rng.choice([0.0, 0.07], count), t=time)
-    return Measurements(poses, number, np.zeros((count, 3)), None, None, number, Path("none.csv"), "")
+    return Measurements.of_tcp(poses, np.zeros((count, 3)), pose=number)
 
 
 def blocks_of(data: Measurements, residual: Array) -> list[HeldOutBlock]:
@@ -58,7 +58,7 @@ def predicted(seed: int, signal: Array | float) -> PredictableError:
     data = poses_of(seed)
     noise = np.random.default_rng(seed + 1000).normal(size=(len(data), 3)) * NOISE
     residual = noise + signal
-    return predictable_error(replace(data, tcp=reach(data) + residual), blocks_of(data, residual))
+    return predictable_error(data.with_tcp(reach(data) + residual), blocks_of(data, residual))
 
 
 def reach(data: Measurements) -> Array:
@@ -74,7 +74,7 @@ def test_no_block_learns_from_another(seed: int) -> None:
     """The kernel of a block must not come from one that saw its poses: their order changes nothing."""
     data = poses_of(seed, 60)
     residual = np.random.default_rng(seed + 1).normal(size=(60, 3)) * NOISE
-    data, blocks = replace(data, tcp=reach(data) + residual), blocks_of(data, residual)
+    data, blocks = data.with_tcp(reach(data) + residual), blocks_of(data, residual)
     np.testing.assert_array_equal(predictable_error(data, blocks).after, predictable_error(data, blocks[::-1]).after)
 
 
@@ -182,11 +182,11 @@ def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named()
 def test_a_law_of_the_direction_of_approach_is_predicted_and_is_named(seed: int, joint: int) -> None:
     data = poses_of(seed)
     side = np.random.default_rng(seed + 2).choice([-1.0, 1.0], data.poses.q.shape)
-    data = replace(data, poses=replace(data.poses, direction=side), tcp=reach(data))
+    data = replace(data, poses=replace(data.poses, direction=side)).with_tcp(reach(data))
     turned = np.cos(data.poses.q[:, :1] + [0.0, 1.0, 2.0])  # where the joint's play moves the TCP
     noise = np.random.default_rng(seed + 1000).normal(size=(len(data), 3)) * NOISE
     residual = noise + 0.001 * side[:, joint, None] * turned
-    found = predictable_error(replace(data, tcp=data.tcp + residual), blocks_of(data, residual))
+    found = predictable_error(data.with_tcp(data.tcp + residual), blocks_of(data, residual))
     assert found.more_to_find
     assert ExplanatoryVariable("direction", joint) in found.follows[:2]
     assert found.error.rms < 1.3 * NOISE * np.sqrt(3.0)
@@ -241,7 +241,7 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     model = model_of(lab, effects_at(lab, "offsets@base"))
     poses = Poses(q, np.zeros(60))
     tcp = solve_equilibrium(model, poses).tcp + 0.005 * np.sin(q[:, [1]]) + NOISE * rng.normal(size=(60, 3))
-    data = Measurements(poses, data.pose, tcp, None, None, data.pose, data.path, "")
+    data = Measurements.of_tcp(poses, tcp, pose=data.pose, source=Source(data.source.path))
     found = compare(model, data)
     assert found.predictable is not None
     np.testing.assert_allclose(found.predictable.before, cross_validated_residual(model, data))

@@ -10,6 +10,7 @@ import pytest
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.data.source import Source
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
@@ -42,7 +43,7 @@ def measured(values: dict[str, float], *, numbered: bool = True) -> Measurements
     poses = replace(plain, number=pose, t=time, session=session, running=time)
     tcp = solve_equilibrium(world(values), poses).tcp + rng.normal(0.0, NOISE, (COUNT, 3))
     known = poses if numbered else replace(poses, number=None)
-    return Measurements(known, pose, tcp, None, None, pose, Path("data.csv"), "0" * 64, arm=arm, arm_name=ARM)
+    return Measurements.of_tcp(known, tcp, pose=pose, source=Source(Path("data.csv"), "0" * 64, arm=arm, arm_name=ARM))
 
 
 def fitted(data: Measurements, *names: str) -> Study:
@@ -150,7 +151,7 @@ def test_what_remembers_leaves_its_mean_where_its_end_predicts_no_better() -> No
     model = model_of(model.arm, model.effects, {"creep.joint2.k_rad_per_Nm": 0.05, "creep.joint2.T_s": 60.0})
     data = measured({})
     tcp = solve_equilibrium(model, data.poses).tcp + np.random.default_rng(4).normal(0.0, NOISE, (COUNT, 3))
-    state = fitted(replace(data, tcp=tcp), creep).model.state
+    state = fitted(data.with_tcp(tcp), creep).model.state
     assert state is not None
     assert state.carried == {creep: "mean"}
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.report.model_report import quick_report
 from lrm_ident.study.model_history import model_text
 from lrm_ident.study.notices import NoticeKind
@@ -72,7 +73,7 @@ def measured(numbers: Sequence[int], t0: float, session: int) -> Measurements:
     course = 60.0 * np.arange(COUNT)
     poses = replace(plain, number=pose, t=t0 + course, session=np.full(COUNT, float(session)), running=course)
     tcp = solve_equilibrium(model_of(arm, ()), plain).tcp
-    return Measurements(poses, pose, tcp, None, None, pose, Path(NAME), "", arm=arm, arm_name=ARM)
+    return Measurements.of_tcp(poses, tcp, pose=pose, source=Source(arm=arm, arm_name=ARM))
 
 
 def saved(data: Measurements, folder: Path) -> Path:
@@ -126,7 +127,7 @@ def test_on_its_own_data_the_model_is_whole(names: list[str], more: bool) -> Non
     arm = load_arm(ARM)
     with tempfile.TemporaryDirectory() as folder:
         data = saved(IN_ORDER, Path(folder))
-        sha256 = lrm.load(data, arm=ARM).sha256
+        sha256 = lrm.load(data, arm=ARM).source.sha256
         model = written(model_with(arm, (*LASTING, *names)), Path(folder), sha256)
         if more:
             with data.open("a") as file:
@@ -162,7 +163,7 @@ def test_the_commands_say_what_they_leave_out(tmp_path: Path) -> None:
 
 def test_a_fit_knows_its_data_at_every_step() -> None:
     """A fit in this process and one from a file: steps on the same measurements keep what belongs to them."""
-    data = replace(IN_ORDER, sha256=HERE)
+    data = replace(IN_ORDER, source=replace(IN_ORDER.source, sha256=HERE))
     study = Study.of(data, (*LASTING, "change_point@joint2")).fit("offsets.joint1.theta_rad")
     assert study.model.fitted_to == HERE
     fitted = study.taken.fit
@@ -171,5 +172,5 @@ def test_a_fit_knows_its_data_at_every_step() -> None:
         "change_point@joint2",
     }
     with pytest.warns(UserWarning, match="change_point@joint2"):
-        elsewhere = lrm.compare(fitted, replace(data, sha256="1" * 64))
+        elsewhere = lrm.compare(fitted, replace(data, source=replace(data.source, sha256="1" * 64)))
     assert {effect.name for effect in elsewhere.equilibrium.model.effects} == set(LASTING)

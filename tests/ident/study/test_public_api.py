@@ -20,6 +20,11 @@ from pdoc import pdoc
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.distances import Distances
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
+from lrm_ident.data.observations.observation import Observation
+from lrm_ident.data.observations.orientations import Orientations
+from lrm_ident.data.source import Source
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.parameter_sets import select_parameters
@@ -115,18 +120,18 @@ def test_a_notebook_shows_what_a_step_left_out_below_the_steps() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("columns", "word"),
+    ("seen", "word"),
     [
-        ({"attitude": np.zeros((2, 3, 3))}, "orientations"),
-        ({"feedback": np.zeros((2, 6))}, "joint feedback"),
-        ({"distance": np.ones(2)}, "distances"),
-        ({"sd": np.ones(2)}, "standard deviations"),
+        (Orientations(np.zeros((2, 3, 3))), "orientations"),
+        (EncoderReadings(np.zeros((2, 6))), "joint feedback"),
+        (Distances(np.ones(2)), "distances"),
     ],
 )
-def test_measurements_name_the_columns_that_they_have(columns: dict[str, Any], word: str) -> None:
+def test_measurements_name_what_was_measured(seen: Observation, word: str) -> None:
     data = lrm.load(lrm.EXAMPLE).take([0, 1])
     assert word not in repr(data)
-    assert word in repr(replace(data, **columns))
+    assert word in repr(data.beside(seen))
+    assert "standard deviations" in repr(data.with_positions(replace(data.positions, sd=np.ones(2))))
 
 
 @pytest.mark.slow
@@ -151,9 +156,7 @@ def test_what_cannot_be_plotted_or_fitted_is_one_clear_line(tmp_path: Path) -> N
     with pytest.raises(LrmError, match="cannot plot a str"):
         lrm.plot("a model", tmp_path / "x.png")
     data = lrm.load(lrm.EXAMPLE)
-    nameless = Measurements(
-        data.poses, data.pose, data.tcp, data.sd, data.noise_sd, data.repeat_of, data.path, data.sha256
-    )
+    nameless = Measurements.of_tcp(data.poses, data.tcp, data.positions.noise_sd, pose=data.pose)
     with pytest.raises(LrmError, match="no arm"):
         lrm.fit(nameless)
 
@@ -163,7 +166,7 @@ def test_a_saved_model_finds_the_file_of_its_arm(tmp_path: Path) -> None:
     own.write_text((ROOT / "config" / "arms" / "lrm-lab.toml").read_text().replace('name = "lrm-lab"', 'name = "own"'))
     data = lrm.load(lrm.EXAMPLE, arm=str(own))
     lrm.save(lrm.fit(data, parameters="option3"), data, str(tmp_path / "model.toml"))
-    assert lrm.load_model(str(tmp_path / "model.toml")).arm == data.arm
+    assert lrm.load_model(str(tmp_path / "model.toml")).arm == data.source.arm
 
 
 BELT = """
@@ -226,7 +229,7 @@ def test_a_model_of_another_arm_is_refused_also_with_as_many_joints(
     step: Callable[[Any, Any], object], fitted: Fit, data: Measurements
 ) -> None:
     with pytest.raises(LrmError, match="the model is of lrm-lab, the measurements of lrm-rover"):
-        step(fitted, replace(data, arm=load_arm("lrm-rover")))
+        step(fitted, replace(data, source=Source(arm=load_arm("lrm-rover"))))
 
 
 def test_poses_of_another_number_of_joints_are_refused(fitted: Fit) -> None:
@@ -262,7 +265,7 @@ def test_effects_of_ones_own_are_read_from_their_file(data: Measurements, tmp_pa
 def test_a_reading_may_be_a_mapping_of_its_fields(data: Measurements) -> None:
     read = lrm.load(lrm.EXAMPLE, reading={"angle_unit": "deg", "joint_sign": [1] * 6})  # type: ignore[arg-type]
     assert np.array_equal(read.poses.q, data.poses.q)
-    assert read.reading.said() == {"angle_unit": "deg", "joint_sign": [1] * 6}
+    assert read.source.reading.said() == {"angle_unit": "deg", "joint_sign": [1] * 6}
 
 
 def test_a_set_of_the_thesis_is_of_six_joints() -> None:

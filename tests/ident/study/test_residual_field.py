@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.fitting.field.regression import MOST_NUMBERS, field_posterior
@@ -113,7 +114,7 @@ def test_poses_without_a_position_are_refused(fitted: Study) -> None:
     tcp = fitted.data.tcp.copy()
     tcp[3] = np.nan
     with pytest.raises(LrmError, match="1 poses have no measured position"):
-        replace(fitted, data=replace(fitted.data, tcp=tcp)).add_field()
+        replace(fitted, data=fitted.data.with_tcp(tcp)).add_field()
 
 
 @pytest.mark.long
@@ -140,15 +141,15 @@ def test_a_file_predicts_as_the_study_that_wrote_it(with_field: Study, tmp_path:
 def by_command(real: Measurements, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A model of the real arm with a field that the command added, and what it printed."""
     folder = tmp_path_factory.mktemp("real")
-    Study.of(replace(real, arm_name="lrm-lab")).fit("option1").save(folder / "plain.toml")
-    words = ("add", folder / "plain.toml", real.path, "residual_field", "-o", folder / "field.toml")
+    Study.of(replace(real, source=replace(real.source, arm_name="lrm-lab"))).fit("option1").save(folder / "plain.toml")
+    words = ("add", folder / "plain.toml", real.source.path, "residual_field", "-o", folder / "field.toml")
     return folder / "field.toml", " ".join(stdout_of(*words, "--all").split())
 
 
 @pytest.mark.soak
 @pytest.mark.long
 def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[Path, str]) -> None:
-    read = read_study(by_command[0], real.path)
+    read = read_study(by_command[0], real.source.path)
     before, after = (entry.held_out_rms_mm for entry in read.file.history)
     assert before is not None
     assert after is not None
@@ -164,7 +165,7 @@ def test_the_command_says_that_it_is_no_cause(real: Measurements, by_command: tu
     assert WHAT_A_FIELD_IS in out
     assert "numbers of a residual field, which are not causes" in out
     assert "residual_field.tool" not in out, "no coefficient means anything alone"
-    _, _, told = run_command("diagnose", file, real.path)
+    _, _, told = run_command("diagnose", file, real.source.path)
     assert "the residual field is left out here" in " ".join(told.split())
 
 
@@ -228,9 +229,11 @@ def world(seed: int, size: float, poses: int) -> Measurements:
     axis, q = wave.normal(size=(3, 3)), place.uniform(-WIDEST, WIDEST, (poses, SMALL.dof))
     waves = np.sin(q @ frequency.T + phase) @ (axis / np.linalg.norm(axis))
     number = np.arange(1, poses + 1)
-    data = Measurements(poses_of(q), number, np.zeros((poses, 3)), None, NOISE_M, number, Path("none"), "", arm=SMALL)
+    data = Measurements.of_tcp(poses_of(q), np.zeros((poses, 3)), NOISE_M, pose=number, source=Source(arm=SMALL))
     tcp = solve_equilibrium(Study.of(data).model, data.poses).tcp + size * waves
-    return replace(data, tcp=tcp + place.normal(0.0, NOISE_M, tcp.shape), sha256=f"{seed}-{poses}")
+    return replace(data, source=Source(sha256=f"{seed}-{poses}", arm=SMALL)).with_tcp(
+        tcp + place.normal(0.0, NOISE_M, tcp.shape)
+    )
 
 
 @cache

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.study.study import Study
@@ -37,7 +38,7 @@ def measured(arm: Arm, with_joint4: bool, upper: bool = True, count: int = 120) 
     true[:, 2] += 0.02 * q[:, 0] * (q[:, 3] if with_joint4 else 1.0)
     tcp = solve_equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
     number = np.arange(1, count + 1)
-    return Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("product.csv"), "", arm=arm)
+    return Measurements.of_tcp(poses_of(q), tcp, 2e-4, pose=number, source=Source(arm=arm))
 
 
 def fitted(arm: Arm, data: Measurements) -> tuple[Model, Model]:
@@ -90,7 +91,7 @@ def test_a_wave_whose_form_is_wrong_ends_with_the_range_of_its_joint(lab: Arm) -
     true[:, 2] += 0.008 * (np.sin(4.0 * q[:, 2]) + 0.5 * np.cos(8.0 * q[:, 2]))
     tcp = solve_equilibrium(model_of(lab, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(len(q), 3))
     number = np.arange(1, len(q) + 1)
-    data = Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("wave.csv"), "", arm=lab)
+    data = Measurements.of_tcp(poses_of(q), tcp, 2e-4, pose=number, source=Source(arm=lab))
     plain = model_of(lab, [e for name in ("offsets", "compliance") for e in effects_at(lab, name)])
     wave = add_effects(
         fit_identifiable(plain, data, plain.keys).fit.model, data, effects_at(lab, "gear_ripple@joint3")
@@ -119,7 +120,7 @@ def study(q: Array) -> Study:
     number = np.arange(1, len(q) + 1)
     poses, true = replace(poses_of(q), number=number), q + np.stack([ripple(q[:, 0]), np.zeros(len(q))], axis=1)
     tcp = solve_equilibrium(model, poses_of(true)).tcp + np.random.default_rng(2).normal(0.0, NOISE, (len(q), 3))
-    return Study.of(Measurements(poses, number, tcp, None, None, number, Path("d.csv"), "0" * 64, arm=ARM)).fit()
+    return Study.of(Measurements.of_tcp(poses, tcp, pose=number, source=Source(Path("d.csv"), "0" * 64, arm=ARM))).fit()
 
 
 def stated(of: Study, folder: Path) -> CalibratedSolver:

@@ -94,7 +94,7 @@ def test_python_and_the_commands_write_the_same_files(folder: Path) -> None:
     for name, study in studies.items():
         study.save(own := folder / f"{name}-in-python.toml")
         assert content(own) == content(told[name]), name
-    assert set(studies["add"].data.left_out) > {*LEFT_OUT}
+    assert set(studies["add"].data.source.left_out) > {*LEFT_OUT}
     assert "my_play@joint2" in studies["add"].file.effects
     lrm.read_study(told["fit"], csv, mine).add("my_play@joint2").save(folder / "read.toml")
     assert content(folder / "read.toml") == content(told["add"])

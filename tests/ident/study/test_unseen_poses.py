@@ -58,7 +58,7 @@ def test_another_file_is_compared_as_the_command_compares_it(
 ) -> None:
     even, odd = halves
     study(even).save(tmp_path / "model.toml")
-    by_file = lrm.read_study(tmp_path / "model.toml", odd.path).compare()
+    by_file = lrm.read_study(tmp_path / "model.toml", odd.source.path).compare()
     seen = lrm.compare(train(even), odd)
     assert seen.held_out.error is by_file.held_out.error is None
     assert seen.held_out.reason == by_file.held_out.reason

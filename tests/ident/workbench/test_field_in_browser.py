@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,8 @@ ONE_STEP, TWO_STEPS = "lrm.state.values.steps.length === 1", "lrm.state.values.s
 
 def nameless(folder: Path, size: float) -> Path:
     """A file of measurements with what no effect of the catalogue makes, of amplitude `size` (m)."""
-    data = replace(measured(1, size, count=200), arm_name="lrm-lab")
     path = folder / "measurements.csv"
-    path.write_text(measurements_csv(data), encoding="utf-8")
+    path.write_text(measurements_csv(measured(1, size, count=200)), encoding="utf-8")
     return path
 
 

@@ -56,8 +56,8 @@ def test_the_arrow_scale_is_round_and_bounded(error: float, spread: float) -> No
 
 @pytest.mark.long
 def test_scale_and_steps_of_the_error_field(data: Measurements, example_study: lrm.Study) -> None:
-    assert data.arm is not None
-    nominal, fitted = nominal_model(data.arm), example_study.model
+    assert data.source.arm is not None
+    nominal, fitted = nominal_model(data.source.arm), example_study.model
     field = error_field(data, [("nominal", nominal), ("fit", fitted)])
     assert field.scale == error_field(data, [("nominal", nominal)]).scale, "a later step must not change the scale"
     assert field.steps[1].error.rms < 0.2 * field.steps[0].error.rms
@@ -68,8 +68,8 @@ def test_scale_and_steps_of_the_error_field(data: Measurements, example_study: l
 def test_many_poses_are_thinned_and_their_number_is_kept(data: Measurements) -> None:
     rows = np.tile(np.arange(len(data)), 34)
     many = replace(data.take(rows), pose=np.arange(1, len(rows) + 1))
-    assert data.arm is not None
-    field = error_field(many, [("nominal", nominal_model(data.arm))])
+    assert data.source.arm is not None
+    field = error_field(many, [("nominal", nominal_model(data.source.arm))])
     assert len(field.rows) == MOST_DRAWN
     assert field.poses == len(rows)
     worst = np.argmax(np.linalg.norm(many.tcp - field_tcp(many), axis=1))
@@ -77,8 +77,8 @@ def test_many_poses_are_thinned_and_their_number_is_kept(data: Measurements) -> 
 
 
 def field_tcp(data: Measurements) -> np.ndarray:
-    assert data.arm is not None
-    return lrm.predict(nominal_model(data.arm), data.poses)
+    assert data.source.arm is not None
+    return lrm.predict(nominal_model(data.source.arm), data.poses)
 
 
 @pytest.mark.slow
@@ -193,7 +193,7 @@ def test_noise_shows_nothing_on_average(seed: int) -> None:
 def test_where_it_fails_is_where_the_error_is(data: Measurements, better_study: lrm.Study) -> None:
     """A turn of joint 4 that follows joint 3, which no fit of the geometry takes away."""
     lever = joint_levers(solve_equilibrium(better_study.model, data.poses))[3].T
-    wrong = replace(data, tcp=data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
+    wrong = data.with_tcp(data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
     where = figure_values(quick_report(lrm.Study.of(wrong).fit().add("backlash@joint2")))["where"]
     assert where == {"joint": 3, "driver": "angle of joint 3"}
 

@@ -49,7 +49,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     known = {} if found.diagnosis is None else found.diagnosis.values
     following = () if found.conclusion is None else found.conclusion.next
     commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
-    history, sha256, story = found.file.history, found.poses.sha256, found.story
+    history, sha256, story = found.file.history, found.poses.source.sha256, found.story
     turns, lever = found.field.steps[-1].turns, found.field.lever
     left = [explained_by_means(turns, lever, one.values) for one in found.covariates]
     joint, driver = shown_most(left, found.covariates, range(len(lever)))
@@ -87,7 +87,7 @@ def _drawn(field: ErrorField, data: Measurements) -> dict[str, Any]:
     return {
         "pose": data.pose.tolist(),
         "poses": field.poses,
-        "data": data.sha256,
+        "data": data.source.sha256,
         "fair": None if fair is None else fair.tolist(),
         "q": rounded(np.degrees(data.poses.q), 2),
         "load": rounded(data.poses.payload * 1e3, 1),
@@ -120,7 +120,7 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     entry = found.file.history[number] if found.file.history else None
-    held = entry.held_out_rms_mm if entry is not None and of_data(entry, found.poses.sha256) else None
+    held = entry.held_out_rms_mm if entry is not None and of_data(entry, found.poses.source.sha256) else None
     return {
         "name": step.name,
         "title": step.name if entry is None else GEOMETRY if entry.name.kind == FIT else step_title(entry.name),

@@ -32,6 +32,7 @@ from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
 from lrm_ident.data.registration.point_set import nominal_tcp, registered
 from lrm_ident.data.registration.reading_check import check_reading
 from lrm_ident.data.registration.similarity import robust_similarity, similarity
+from lrm_ident.data.source import Source
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -80,7 +81,7 @@ def test_what_moved_meanwhile_is_no_misreading(seed: int, name: str, number: int
         q[later, number] += np.radians(20.0)
     else:
         tcp[later, number] += 0.2 * np.sqrt(tcp.var(axis=0).sum())
-    check = check_reading(arm, replace(data, tcp=tcp, poses=replace(data.poses, q=q)))
+    check = check_reading(arm, replace(data, poses=replace(data.poses, q=q)).with_tcp(tcp))
     assert check is not None
     assert not any("belong" in words for scored in check.found for words in scored.hypothesis.words)
 
@@ -90,8 +91,8 @@ def test_a_base_that_was_pushed_is_said_in_a_notice(tmp_path: Path) -> None:
     tcp = data.tcp.copy()
     tcp[len(tcp) // 2 :, 2] += 0.06  # m
     path = tmp_path / "pushed.csv"
-    path.write_text(measurements_csv(replace(data, tcp=tcp)), encoding="utf-8")
-    (notice,) = load_checked(path, load_arm("lrm-lab")).notices
+    path.write_text(measurements_csv(data.with_tcp(tcp)), encoding="utf-8")
+    (notice,) = load_checked(path, load_arm("lrm-lab")).source.notices
     assert "did its base or the tracker move?" in notice
 
 
@@ -107,7 +108,7 @@ def test_real_measurements_are_not_refused(arm: str, path: str, reading: Reading
     data = SHARED / "data" / path
     if not data.exists():
         pytest.skip("the real measurements are not here")
-    assert load_checked(data, load_arm(arm), reading).notices == ()
+    assert load_checked(data, load_arm(arm), reading).source.notices == ()
 
 
 def test_the_real_two_joint_data_are_turned_by_half_a_turn() -> None:
@@ -166,7 +167,7 @@ MISTAKES = {
 def test_the_option_that_is_named_mends_the_reading(tmp_path: Path, healthy: Measurements, option: str) -> None:
     reading, mistake = MISTAKES[option]
     q, tcp = mistake(healthy.poses.q, healthy.tcp)
-    path = _written(tmp_path, replace(healthy, tcp=tcp, poses=replace(healthy.poses, q=q)))
+    path = _written(tmp_path, replace(healthy, poses=replace(healthy.poses, q=q)).with_tcp(tcp))
     with pytest.raises(Misread, match=option):
         load_checked(path, load_arm("lrm-lab"))
     mended = load_checked(path, load_arm("lrm-lab"), reading)
@@ -200,7 +201,7 @@ def test_what_servos_and_lerobot_record_is_not_read_as_degrees(
 
 @pytest.mark.slow
 def test_the_model_remembers_how_its_data_were_read(tmp_path: Path, healthy: Measurements) -> None:
-    path, model = _written(tmp_path, replace(healthy, tcp=healthy.tcp[:, [1, 0, 2]])), tmp_path / "model.toml"
+    path, model = _written(tmp_path, healthy.with_tcp(healthy.tcp[:, [1, 0, 2]])), tmp_path / "model.toml"
     _fitted(path, model, "--axes", "y,x,z")
     assert tomllib.loads(model.read_text())["provenance"]["reading"] == {"axes": "y,x,z"}
     stdout_of("compare", model, path)
@@ -210,7 +211,7 @@ def test_the_model_remembers_how_its_data_were_read(tmp_path: Path, healthy: Mea
 
 
 def test_the_file_beside_the_data_says_how_to_read_them(tmp_path: Path, healthy: Measurements) -> None:
-    path = _written(tmp_path, replace(healthy, tcp=healthy.tcp * [1e-3, 1e-3, -1e-3]))
+    path = _written(tmp_path, healthy.with_tcp(healthy.tcp * [1e-3, 1e-3, -1e-3]))
     path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nunit = "m"\naxes = "x,y,-z"\n')
     np.testing.assert_allclose(load_checked(path, load_arm("lrm-lab")).tcp, healthy.tcp, atol=1e-6)
 
@@ -218,7 +219,7 @@ def test_the_file_beside_the_data_says_how_to_read_them(tmp_path: Path, healthy:
 @pytest.mark.slow
 def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measurements) -> None:
     rotation, translation = _motion(5)
-    path = _written(tmp_path, replace(healthy, tcp=(healthy.tcp - translation) @ rotation))
+    path = _written(tmp_path, healthy.with_tcp((healthy.tcp - translation) @ rotation))
     assert "--frame unknown" in stderr_of("fit", path, "--arm", "lrm-lab", *OPTION_1)
     right, found = tmp_path / "right.toml", tmp_path / "found.toml"
     _fitted(_written(tmp_path, healthy, "right.csv"), right)
@@ -241,7 +242,7 @@ def test_radians_of_another_convention_in_metres_of_another_frame(tmp_path: Path
     q = own.poses.q.copy()
     q[:, [1, 2]] = q[:, [1, 2]] * [1.0, -1.0] if mistake == "--joint-sign" else q[:, [2, 1]]
     q, tcp = np.radians(q), 1e-3 * (own.tcp - translation) @ rotation
-    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=tcp))
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q)).with_tcp(tcp))
     with pytest.raises(Misread) as refused:
         load_checked(path, load_arm(arm_name))
     numbers = ",".join(map(str, range(4, own.poses.q.shape[1] + 1)))
@@ -254,7 +255,7 @@ def test_radians_as_degrees_that_no_arm_can_have_are_one_clear_line(tmp_path: Pa
     """Nothing explains a strange order of joints beside two units, and no arm is tried that would not settle."""
     own = random_arm_data("lrm-lab", 3, poses=80)
     q = np.radians(own.poses.q[:, [4, 2, 0, 3, 1, 5]])
-    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=1e-3 * own.tcp))
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q)).with_tcp(1e-3 * own.tcp))
     with pytest.raises(Misread):
         load_checked(path, load_arm("lrm-lab"))
 
@@ -289,7 +290,7 @@ def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: s
     """A model's reading counts for the next data; where only their frame differs, no joint is called wrong."""
     arm, (rotation, translation) = load_arm(arm_name), _motion(5)
     own = random_arm_data(arm_name, 3, poses=60)
-    other = replace(own, tcp=(own.tcp - translation) @ rotation)
+    other = own.with_tcp((own.tcp - translation) @ rotation)
     frame = frame_table(rotation, translation) if fitted_in == "another" else "arm"
     path = _written(tmp_path, own if fitted_in == "another" else other)
     with pytest.raises(Misread) as refused:
@@ -308,7 +309,7 @@ def test_a_frame_that_is_known_is_stated_beside_the_data(tmp_path: Path) -> None
     """The table of docs/files.md: Rx Ry Rz and the shift take a measured position into the arm's frame."""
     own, shift = random_arm_data("lrm-lab", 3, poses=20), np.array([0.4, -1.2, 0.7])
     turn = Rotation.from_euler("XYZ", [90.0, 53.0, -20.0], degrees=True).as_matrix()
-    path = _written(tmp_path, replace(own, tcp=(own.tcp - shift) @ turn))
+    path = _written(tmp_path, own.with_tcp((own.tcp - shift) @ turn))
     stated = "frame = {x_mm = 400, y_mm = -1200, z_mm = 700, alpha_deg = 90, beta_deg = 53, gamma_deg = -20}\n"
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\n{stated}')
     np.testing.assert_allclose(load_measurements(path, load_arm("lrm-lab")).tcp, own.tcp, atol=1e-6)
@@ -317,7 +318,7 @@ def test_a_frame_that_is_known_is_stated_beside_the_data(tmp_path: Path) -> None
 def test_limits_are_checked_after_the_question(tmp_path: Path) -> None:
     data = random_arm_data("so101", 3, poses=60)
     data.poses.q[:2, 4] = np.radians(160.0)
-    data = replace(data, tcp=nominal_tcp(load_arm("so101"), data.poses))
+    data = data.with_tcp(nominal_tcp(load_arm("so101"), data.poses))
     flipped = _written(tmp_path, replace(data, poses=replace(data.poses, q=data.poses.q * [1, -1, 1, 1, -1])))
     assert "counted the other way" in stderr_of("fit", flipped, "--arm", "so101")
     beyond = data.poses.q.copy()
@@ -371,9 +372,7 @@ def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said
     destroyed = _drawn_with(values)
     drawn = model_of(destroyed.model.arm, destroyed.model.effects)
     number = np.arange(60)
-    data = Measurements(
-        destroyed.poses, number, destroyed.tcp, None, 1e-4, number, Path("small.csv"), "", arm=drawn.arm
-    )
+    data = Measurements.of_tcp(destroyed.poses, destroyed.tcp, 1e-4, pose=number, source=Source(arm=drawn.arm))
     keys = tuple(key for key in drawn.keys if key.endswith(("extra_z_mm", "tool.z_mm")))
     model = replace(drawn, free=keys)
     for fitting in (
@@ -397,8 +396,8 @@ def test_a_length_that_others_undo_does_not_collapse() -> None:
 
 
 def test_a_fit_that_no_parameter_helps_is_refused() -> None:
-    data = replace(random_arm_data("lrm-lab", 3, poses=60), arm=load_arm("lrm-lab"))
-    far = replace(data, tcp=np.random.default_rng(0).normal(0.0, 10.0, data.tcp.shape))
+    data = replace(random_arm_data("lrm-lab", 3, poses=60), source=Source(arm=load_arm("lrm-lab")))
+    far = data.with_tcp(np.random.default_rng(0).normal(0.0, 10.0, data.tcp.shape))
     with pytest.raises(LrmError, match="nothing can be fitted"):
         lrm.fit(far, effects=["compliance"])
 
@@ -458,7 +457,7 @@ def test_what_is_said_first_counts() -> None:
 def test_noise_is_not_scaled_away(tmp_path: Path) -> None:
     """Reading in metres by the column's name or by the option is the same."""
     data = random_arm_data("lrm-lab", 4, poses=20)
-    text = measurements_csv(replace(data, tcp=data.tcp * 1e-3))
+    text = measurements_csv(data.with_tcp(data.tcp * 1e-3))
     plain, named = tmp_path / "plain.csv", tmp_path / "named.csv"
     plain.write_text(text)
     named.write_text(text.replace("x_mm,y_mm,z_mm", "x_m,y_m,z_m"))

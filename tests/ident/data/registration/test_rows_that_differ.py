@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +46,7 @@ def test_the_pose_from_which_the_frame_was_moved_is_found(measured: Measurements
     shift = random.uniform(-0.3, 0.3, 3)
     tcp = measured.tcp.copy()
     tcp[first:] = (tcp[first:] - shift) @ turn
-    found = moved_frame(ARM, replace(measured, tcp=tcp))
+    found = moved_frame(ARM, measured.with_tcp(tcp))
     assert found is not None
     assert found.first == measured.pose[first]
     assert found.last == measured.pose[-1]
@@ -61,7 +60,7 @@ def test_a_moved_tracker_is_said_with_a_remedy_that_works(measured: Measurements
     tcp = measured.tcp.copy()
     tcp[150:] = tcp[150:] @ Rotation.from_euler("z", 20.0, degrees=True).as_matrix().T + [0.3, -0.2, 0.1]
     path = tmp_path / "moved.csv"
-    path.write_text(measurements_csv(replace(measured, tcp=tcp)), encoding="utf-8")
+    path.write_text(measurements_csv(measured.with_tcp(tcp)), encoding="utf-8")
     with pytest.raises(Misread, match=r"from pose 151 on .* turned by 20\.\d deg .*--leave-out 151-300 "):
         load_checked(path, ARM)
     model = str(tmp_path / "model.toml")
@@ -74,7 +73,7 @@ def test_a_moved_tracker_is_said_with_a_remedy_that_works(measured: Measurements
 @pytest.mark.parametrize(("by", "which"), [(1, "after"), (-1, "before")])
 def test_positions_of_the_next_row_are_said(measured: Measurements, tmp_path: Path, by: int, which: str) -> None:
     path = tmp_path / "shifted.csv"
-    path.write_text(measurements_csv(replace(measured, tcp=np.roll(measured.tcp, -by, axis=0))), encoding="utf-8")
+    path.write_text(measurements_csv(measured.with_tcp(np.roll(measured.tcp, -by, axis=0))), encoding="utf-8")
     with pytest.raises(Misread, match=f"belongs to the joint angles of the row {which}; .*shift the columns"):
         load_checked(path, ARM)
 

@@ -44,7 +44,7 @@ def test_few_poses_are_held_to_the_largest_error_alone() -> None:
 def found(lab: Arm, patch: Patch, read: ScoredReading, *others: ScoredReading) -> list[str]:
     """Names of the readings that a check finds among some, the data being read as `read`."""
     poses: Any = SimpleNamespace(q=np.arange(12.0)[:, None], take=lambda _: poses)
-    data: Any = SimpleNamespace(poses=poses, tcp=np.zeros((12, 3)), stated=None)
+    data: Any = SimpleNamespace(poses=poses, tcp=np.zeros((12, 3)), source=SimpleNamespace(stated=None))
     patch.setattr(reading_check, "compared_rows", lambda _: np.arange(12))
     patch.setattr(reading_check, "nominal_tcp", lambda *_: np.eye(3))
     patch.setattr(reading_check.PointSet, "as_read", None)

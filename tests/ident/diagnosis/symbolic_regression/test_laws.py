@@ -216,7 +216,7 @@ def test_a_length_that_grows_is_proposed_as_one(tmp_path: Path) -> None:
     (kind,) = effects_in(file)
     grown = model_of(arm, [kind(arm, "joint2")]).with_values([0.004])
     moved = solve_equilibrium(grown, data.poses).tcp - solve_equilibrium(model_of(arm, ()), data.poses).tcp
-    found = propose_law(fitted, replace(data, tcp=data.tcp + moved))
+    found = propose_law(fitted, data.with_tcp(data.tcp + moved))
     assert found.best is not None
     assert found.best.law.formula == law.formula
     assert found.best.error.rms < 0.5 * found.before.rms

@@ -16,7 +16,9 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
 from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.rigid_motion import rotation_vectors
+from lrm_ident.data.weights.whitening import joint_covariance
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
@@ -200,10 +202,9 @@ def test_what_does_not_belong_together_is_said(change: dict[str, object], words:
 def test_design_weighs_poses_as_the_camera_measures_them() -> None:
     """Candidates show the board; those chosen with the camera's covariance make the tip better known."""
     found = simulated(2)
-    arm = found.data.arm or load_arm("so101")
+    arm = load_arm("so101")
     covariance = expected_covariance(found.session, arm, found.data.poses)
-    stated = found.data.covariance
-    assert stated is not None
+    stated = joint_covariance(found.data.observations)
     ratio = np.trace(covariance, axis1=1, axis2=2) / np.trace(stated, axis1=1, axis2=2)
     assert np.abs(np.log(ratio)).mean() < 0.5
     model = nominal_model(arm)
@@ -245,8 +246,8 @@ def test_commands_from_photos_to_data(tmp_path: Path) -> None:
     assert measured.whitening.rows(5) == 6
     # the orientation of the tool is in the file: apart from the rig's hidden errors it is the nominal arm's
     turned = tool_rotation(solve_equilibrium(nominal_model(true.model.arm), measured.poses))
-    assert measured.attitude is not None
-    off = rotation_vectors(np.asarray(turned).transpose(0, 2, 1) @ measured.attitude)
+    (seen,) = measured.of(Orientations)
+    off = rotation_vectors(np.asarray(turned).transpose(0, 2, 1) @ seen.values)
     assert np.degrees(np.linalg.norm(off - off.mean(axis=0), axis=1)).max() < 2.0
     assert np.degrees(np.linalg.norm(rotation_vectors(turned[0].T @ np.asarray(turned)), axis=1)).max() > 20.0
     assert (

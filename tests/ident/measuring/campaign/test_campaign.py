@@ -165,7 +165,7 @@ def test_the_data_say_when_and_how_each_pose_was_measured(tmp_path: Path) -> Non
     assert run(FakeWorld(), path, told) == {}
     check_complete(path)
     data = load_measurements(path, ARM)
-    assert data.notices == ()
+    assert data.source.notices == ()
     assert data.repeat_of.tolist() == [pose.repeat_of for pose in POSES]
     np.testing.assert_allclose(np.diff(data.poses.t), 15.0, atol=0.01)
     assert data.sd is not None

@@ -1,0 +1,1 @@
+"""What was measured of poses, one kind in each file: read, predicted, weighed."""
