@@ -69,6 +69,18 @@ def test_a_curve_beyond_its_range_stays_as_at_the_edge(lab: Arm) -> None:
     assert np.linalg.norm(fit(curved(lab), data).residual, axis=1).max() < 2e-3
 
 
+def test_models_of_one_structure_keep_their_own_ranges(lab: Arm) -> None:
+    """They share an effect's functions at the same poses, but not where these are held within another range."""
+    held = fit(curved(lab), wavy(lab)).model
+    free, q = replace(held, within=None), np.zeros((40, lab.dof))
+    q[:, 1] = np.linspace(0.2, 1.5, 40)
+    poses = poses_of(q)
+    apart = [solve_equilibrium(model, poses).tcp for model in (held, free, held)]
+    assert held.structure is free.structure
+    assert np.abs(apart[0] - apart[1]).max() > 1e-3
+    np.testing.assert_array_equal(apart[0], apart[2])
+
+
 def test_coefficients_that_nothing_determines_follow_their_neighbours(lab: Arm) -> None:
     model = fit(curved(lab), wavy(lab)).model
     values = np.array([model.value(key) for key in effects_at(lab, CURVE)[0].keys])

@@ -176,5 +176,8 @@ def test_a_used_model_is_pickled() -> None:
     model = model_of(arm, effects, {"compliance.joint2.k_rad_per_Nm": 0.05})
     poses = poses_of(np.zeros((3, arm.dof)), 0.0663)
     expected = solve_equilibrium(model, poses).tcp
+    assert isinstance(hash(arm), int)
+    assert b"_hash" not in pickle.dumps(arm)  # hashes of texts differ between processes
     sent = pickle.loads(pickle.dumps(model))
+    assert sent.arm == arm
     assert np.array_equal(solve_equilibrium(sent, poses).tcp, expected)
