@@ -103,8 +103,8 @@ def test_an_arm_without_masses_is_said_with_its_measurements(lab: Arm, tmp_path:
     for row, tcp in zip(rows, solve_equilibrium(model_of(bare, ()), poses).tcp, strict=True):
         row[-3:] = [f"{value / MM:.4f}" for value in tcp]
     path = example(tmp_path, rows)
-    assert not any("no masses" in words for words in load_checked(path, lab).notices)
-    assert any("no masses" in words for words in load_checked(path, bare).notices)
+    assert not any("no masses" in words for words in load_checked(path, lab).source.notices)
+    assert any("no masses" in words for words in load_checked(path, bare).source.notices)
 
 
 @pytest.mark.long

@@ -129,7 +129,7 @@ def test_columns_that_are_not_used_are_told_with_the_names_that_would_be(tmp_pat
     path = tmp_path / "data.csv"
     names = [NAMES[0], *(f"J{i}" for i in range(1, 7)), *NAMES[7:], "Last [g]", "time"]
     path.write_text(text(names, rows=[(*row, 150.0, float(number)) for number, row in enumerate(ROWS)]))
-    unused, taken = load_measurements(path, lab).notices
+    unused, taken = load_measurements(path, lab).source.notices
     assert unused == "columns not used: Last [g]; name a load 'payload_g' and a session 'session', if it is there"
     assert taken == "read as: q1_deg … q6_deg = 'J1' … 'J6', t_s = 'time'"
 
