@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.residual.covariates import Covariate, covariates, levels
@@ -134,6 +133,8 @@ def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
 def _aggregated_p_value(parts: NDArray[np.int64], ranked: Sequence[tuple[RankedRows, ...]]) -> float:
     """Twice the median of the halvings' p values (Meinshausen et al. 2009), each of one half's best interval in the
     other half."""
+    from scipy.special import ndtr  # here: the words of a fit name regimes, and load no scipy
+
     p_values = []
     for half, other in ranked:
         z, allowed = _interval_scores(parts, *half)

@@ -275,7 +275,7 @@ def test_every_promise_names_tests_that_exist(name: str) -> None:
     text = (ROOT / "docs" / name).read_text(encoding="utf-8")
     sources = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("test_*.py")))
     written = set(re.findall(r"^def (test_\w+)\(", sources, re.MULTILINE))
-    rows = [row for _, found in tables("promise", text) for row in found]
+    rows = [row for _, found in tables("guarantee", text) for row in found]
     assert len(rows) >= 9
     for promise, tests in rows:
         named, files = re.findall(r"`(test_\w+)`", tests), re.findall(r"`(tests/[\w/]+\.py)`", tests)

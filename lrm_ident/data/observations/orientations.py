@@ -75,8 +75,10 @@ class Orientations(Observation):
             yield cls(rotations, None, blocks, crossed.reshape(-1, 3, 3).transpose(0, 2, 1))
 
     def columns(self) -> Iterator[StatedQuantity]:
-        """With their covariance, where it is stated."""
-        if self.blocks is not None:
+        """With their covariance or standard deviation, where it is stated."""
+        if self.blocks is None:
+            yield "turn_sd", self.sd, 6
+        else:
             i, j = np.triu_indices(3)
             crossed = np.broadcast_to(self.cross, self.blocks.shape).transpose(0, 2, 1)
             yield "cross_covariance", crossed.reshape(-1, 9), 9

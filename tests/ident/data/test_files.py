@@ -151,7 +151,7 @@ def test_measurement_files(
             session=rng.integers(1, 3, count).astype(float) if full else None,
             temperature=rng.uniform(20, 40, count).round(2) if full else None,
         ),
-        rng.normal(0, 0.3, (count, 3)),
+        rng.uniform(-0.3, 0.3, (count, 3)),
         sd=rng.uniform(1e-4, 1e-3, count) if full else None,
         pose=pose,
         repeat_of=rng.choice(pose, count) if full else pose,
