@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
-from scipy.special import fdtrc
-
 Tested = TypeVar("Tested", bound=Hashable)
 
 
 def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
     """p value of the F test of `rank` further parameters, from the residual sums of squares before and after."""
+    from scipy.special import fdtrc  # here: the words of a fit name regimes, and load no scipy
+
     rest = max(degrees_of_freedom - rank, 1)
     return float(fdtrc(rank, rest, (before - after) / rank / (after / rest))) if after > 0 else 0.0
 
