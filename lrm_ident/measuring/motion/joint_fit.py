@@ -135,8 +135,11 @@ def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
     G = len(own)
     few = (G - 1) / G * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
     found = few * inverse @ (scores.T @ scores) @ inverse
-    wider = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(found), 1e-300), 1.0))
-    return np.asarray(found * np.outer(wider, wider))
+    least = np.diag(white)
+    wider = np.sqrt(np.maximum(least / np.maximum(np.diag(found), 1e-12 * least + 1e-300), 1.0))
+    covariance = np.asarray(found * np.outer(wider, wider))
+    np.fill_diagonal(covariance, np.maximum(np.diag(covariance), least))  # one move alone may determine a parameter
+    return covariance
 
 
 def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> Array:
