@@ -121,8 +121,8 @@ class Diagnosis:
 
     @cached_property
     def outliers_together(self) -> Array:
-        """(M, 3), m, residuals of the outliers that lie together (`outlier_regimes`): there the arm errs, not the
-        measurement."""
+        """(M, 3), m, residuals, by the model in its session, of the outliers that lie together in a range of an angle
+        or of the load (`outlier_regimes`): there the arm errs, not the measurement."""
         residuals = self.outlier_residuals
         left_out = self.data.complete.take(np.isin(self.data.complete.pose, [*residuals, *self.data.pose]))
         outliers = np.isin(left_out.pose, [*residuals])
