@@ -132,6 +132,7 @@ class RampCore:
 
     def _stop_pulses(self, why: RampFault) -> None:
         self.outputs, self._pulses_changed, self._pulses_confirmed = 0, True, False
+        self._end_others()
         self._freeze(why)
 
     # ---- frames from the board
@@ -216,12 +217,12 @@ class RampCore:
         )
         self._pulses_changed = self._pulses_changed or bool(self.outputs)
         self._pulses_confirmed = not self._pulses_changed
-        self._end_others()
+        if self._pulses_changed:
+            self._end_others()
 
     def _end_others(self) -> None:
-        """A frame with our pulses ends those that the board has besides: what was read of them is no pose any more."""
-        if self.outputs:
-            self.board_outputs &= self.outputs
+        """A frame of pulses ends all others that the board has: what was read of those is no pose any more."""
+        self.board_outputs &= self.outputs
 
     # ---- orders from the API process
 

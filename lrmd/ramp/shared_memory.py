@@ -137,7 +137,8 @@ class RampReport(Record):
     `tick` counts deadlines kept, `time` is monotonic ns, `order` the number of the last order read and
     `order_accepted` whether it was executed (dropped if a fault came first). `outputs`: servos that the ramp pulses;
     `position`: their pulses (ns), the last known ones of the others. `turned_at`: the pulse (ns) at which each servo
-    last turned round, or began to move. `board_outputs`, `register`: outputs and pulses (ns) last read from the chip.
+    last turned round, or began to move. `board_outputs`, `register`: outputs and pulses (ns) last read from the chip,
+    without the outputs that the ramp has ended since.
     `port_error`: errno of the last attempt to open the port, 0 if it succeeded.
     `other_version`: the protocol of a board that speaks another one than ours, else 0.
     """

@@ -151,6 +151,31 @@ def test_it_adopts_exactly_the_registers_of_the_board(config: Config, register: 
     assert not line.ramp.moving
 
 
+@pytest.mark.parametrize("how", ["order", "estop"])
+def test_what_it_switched_off_is_no_pose_to_take_over_before_the_board_has_replied(config: Config, how: str) -> None:
+    line = RampWithBoard(config).ready()
+    line.tick(line.order())
+    line.tick()
+    line.ramp.close()
+    line.back = b""
+    line.ramp.opened(line.now)
+    line.ready()
+    assert (line.ramp.outputs, line.ramp.board_outputs) == (1, 1)
+    there = line.ramp.register[0]
+    order = line.order(2, target=(there + 10_000,) * 16)
+    for _ in range(12):
+        line.tick(order)
+    assert line.ramp.position[0] == there + 10_000
+    if how == "estop":
+        line.tick(estop=True)
+    else:
+        line.tick(line.order(3, outputs=0))
+    assert (line.ramp.outputs, line.ramp.board_outputs) == (0, 0)
+    line.tick()
+    line.tick()
+    assert line.board.chip.pulse(0) is None
+
+
 def test_a_board_with_another_prescale_is_left_to_fall_silent_before_it_is_set_up(config: Config) -> None:
     line = RampWithBoard(config)
     line.board.feed(encode(protocol.setup(1, 60, 1000)), line.now)
