@@ -139,8 +139,8 @@ fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it
 soak: soak-laws soak-daemon soak-kernel soak-attacks ## all four parts of it (days, mostly of the third; the weekly workflow runs them side by side, the third shorter)
 
 soak-laws: setup ## all laws with fifteen times the examples, and what is marked `soak`
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -m soak tests/ident/workbench tests/system --hypothesis-profile=thorough
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "hypothesis or soak" --hypothesis-profile=thorough
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -m soak tests/ident/workbench tests/system tests/package --hypothesis-profile=thorough
 
 soak-daemon: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken frames and messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lerobot_robot_lrm.correction import REVERSAL, Correction
@@ -78,11 +78,12 @@ def test_the_tip_arrives_where_the_drawn_arms_would_and_is_seen_there(kind: str,
         assert np.linalg.norm(real_tip(made, q, motion) - goal) < most
         seen = made.true_angles(q, motion)
         assert np.linalg.norm(drawn_tip(made.model, seen) - goal) < most + 5e-5
-        assert np.abs(seen - wish).max() < np.radians(0.25) + held.any() * REVERSAL
+        assert np.abs(seen - wish).max() < np.radians(0.3) + held.any() * REVERSAL
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "friction", "overshoot"])
+@example(wishes=[[0.0, 0.03125, 0.0, 0.0, 0.0], [0.0] * 5], tremor=0.0)
 @given(wishes=WISHES, tremor=st.floats(0.0, REVERSAL))
 def test_a_joint_goes_on_in_its_direction_or_turns_back_by_more_than_its_slack_or_stays(
     kind: str, wishes: list[list[float]], tremor: float

@@ -149,7 +149,7 @@ class Correction:
     def answer(self, wish: Array, motion: Motion) -> Corrected:
         """The command for wished angles (n,), rad, that continues a motion.
 
-        A joint is sent on in the direction of its last move, or further than `slack` back. Where neither direction
+        A joint is sent on in the direction of its last move, or by `slack` and more back. Where neither direction
         brings it there, because it leads after a turn, it stays, or turns back by `slack` if it then stands nearer.
         Raises `NoEquilibrium`.
         """
@@ -163,9 +163,10 @@ class Correction:
             moved = q - motion.q
             back = np.where(side == 0.0, moved != 0.0, moved * side < -self.slack) & ~turned
             if not back.any():
-                nearer = turned & (motion.side != 0.0) & (off > np.abs(moved) + self.slack)
-                held = np.where(nearer, np.clip(motion.q + self.slack * side, low, high), motion.q)
-                return Corrected(np.where(moved * side < 0.0, held, q), left)
+                along, turns = moved * side, turned & (motion.side != 0.0)
+                by_slack = np.clip(motion.q + self.slack * side, low, high)
+                held = np.where(turns & (off > self.slack - along), by_slack, motion.q)
+                return Corrected(np.where(along < np.where(turns, self.slack, 0.0), held, q), left)
             off = np.where(back, np.abs(moved), off)
             side, turned = np.where(back, np.sign(moved), side), turned | back
 
