@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import MOST_JOINTS, Arm, Joint, Placement
@@ -238,6 +238,7 @@ def test_shoulder_singularity(seed: int) -> None:
 
 
 @pytest.mark.slow
+@example(arm=load_arm("lrm-lab"), seed=175)
 @given(shipped, seeds)
 def test_stretched_arms_at_the_edge_of_reach(arm: Arm, seed: int) -> None:
     q = angles(arm, seed, 1)[0]

@@ -1164,6 +1164,22 @@ API int ik_hold(const Arm *a, const int *side, double *s, double *tau, double *q
     }
     return 0;
 }
+/* Slot amounts s of the member nearest to `towards` of the family of branch `k`, of those within the limits that have
+ * the free joint at one of some angles. 1 if there is one. From a member far outside the limits `slide` may not arrive:
+ * a joint that stops there leaves the aligned arm without the motion that it lacks. */
+static int family_member(const Arm *a, const double *goal, const double *towards, int k, int joint, double *s) {
+    const int angles = 24;
+    double best = INFINITY;
+    Window open = window_of(a, towards, 0);
+    Branches b;
+    for (int m = 0; m <= angles; m++) {
+        open.towards[joint] = a->lower[joint] + (a->upper[joint] - a->lower[joint]) * m / angles;
+        closed_form(&a->form, goal, &open, 0, &b);
+        const double far = b.exists >> k & 1 && excess_of(a, b.q[k]) <= 0 ? square_distance(b.q[k], towards, 6) : INFINITY;
+        if (far < best) best = far, start_at(a, b.q[k], s);
+    }
+    return best < INFINITY;
+}
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
  * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
  * lever nearly lost, Newton's method follows, and a family is represented by its member nearest to `towards`. */
@@ -1186,7 +1202,10 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
             kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);
-            if (kind[k] && slide(a, goal, 6, towards, member, &w, &scratch)) COPY(s, member, a->slots);
+            int nearest = kind[k] && slide(a, goal, 6, towards, member, &w, &scratch);
+            if (kind[k] && !nearest && family_member(a, goal, towards, k, b.lost[k], member))
+                nearest = slide(a, goal, 6, towards, member, &w, &scratch);
+            if (nearest) COPY(s, member, a->slots);
         }
         for (int j = 0; j < 6 && kind[k] >= 0; j++) {
             const double angle = into_window(&within, j, s[a->joint[j]] - a->zero[a->joint[j]]);

@@ -77,7 +77,7 @@ ORDERS: dict[str, Callable[[str, int], MotionRequest]] = {
 @pytest.mark.long
 @given(
     stop=st.sampled_from(sorted(STOPS)), order=st.sampled_from(sorted(ORDERS)), moving=st.integers(0, 20),
-    late=st.integers(0, 20),
+    late=st.integers(0, 15),
 )  # fmt: skip
 def test_what_was_asked_for_before_a_stop_moves_nothing_after_it(
     armed: ArmedDaemon, stop: str, order: str, moving: int, late: int

@@ -67,7 +67,7 @@ def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, un
         if removal.before < 1e-9:
             column = scaled[:, model.position(removal.key)]
             share = np.linalg.lstsq(chosen, column, rcond=None)[0]
-            assert np.linalg.norm(column - chosen @ share) <= 1e-6 * max(np.linalg.norm(column), 1e-9)
+            assert np.linalg.norm(column - chosen @ share) <= 1e-5 * max(np.linalg.norm(column), 1e-9)
             assert held.survival < 1e-6
 
 
