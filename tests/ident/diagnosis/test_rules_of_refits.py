@@ -58,7 +58,8 @@ def confirmed(patch: Patch, left_by_second: float) -> Any:
     first, second = scored("first", 0.5), scored("second")
 
     def diagnosis(*supported: Any) -> Any:
-        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES), special_cases=list)
+        screening = SimpleNamespace(linear=SimpleNamespace(baseline=SimpleNamespace(held_out=np.ones(POSES))))
+        return SimpleNamespace(supported=supported, screening=screening, special_cases=list)
 
     trials = {
         "first": candidate_trial.CandidateTrial(None, Reason(ReasonKind.NEAR_ZERO)),
