@@ -34,14 +34,13 @@ from lrm_ident.residual.noise_floor import NoiseFloor
 from lrm_ident.residual.regime import outlier_regimes
 from lrm_ident.residual.residual_structure import ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
-from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MISSED, MORAN_THRESHOLD, NOT_NOISE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one masks nearer ones
-MISSED = 0.05  # probability of a motion beyond its bound
 RIVALS_KEPT = 4  # of a step that is taken
 
 
