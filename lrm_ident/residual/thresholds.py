@@ -58,6 +58,8 @@ NOT_NOISE = 1e-3
 `SIGNIFICANCE`. Of the verdict *nothing is missing* it is the level."""
 MIN_REGIME_RATIO = 1.5
 """RMS inside a regime over RMS outside that is worth saying: a convention."""
+LARGEST_REGIME, FEWEST_IN_REGIME = 0.5, 8
+"""Share of the poses that a regime may hold, and its poses in either half of the data: conventions."""
 MISSED = 0.05
 """Probability that a known effect moves the TCP by more than the stated bound: the usual one."""
 

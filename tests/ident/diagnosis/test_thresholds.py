@@ -221,6 +221,20 @@ def regime_worth_saying(ratio: float, patch: Patch) -> bool:
     return bool(regime.find_regimes(data, squares()))
 
 
+def taken_for_regime(inside: int) -> bool:
+    """Whether an interval of so many of the poses may be a regime."""
+    parts, every = np.where(np.arange(MANY) < inside, 1, 0), np.ones(MANY, dtype=np.bool_)
+    return bool(regime._interval_scores(parts, every, np.arange(MANY))[1][1, 2])
+
+
+def part_is_regime(share: float, _: Patch) -> bool:
+    return taken_for_regime(round(share * MANY))
+
+
+def few_are_regime(count: float, _: Patch) -> bool:
+    return taken_for_regime(int(count))
+
+
 def beyond_bound(motion: float, _: Patch) -> bool:
     """Whether an effect of one parameter, estimated as zero, may not move the TCP by so many standard errors."""
     one = SimpleNamespace(
@@ -280,6 +294,8 @@ CASES: dict[str, Case] = {
     "MORAN_THRESHOLD": (alike_neighbours, 0.09, 0.11),
     "NOT_NOISE": (like_noise, 0.9e-3, 1.1e-3),
     "MIN_REGIME_RATIO": (regime_worth_saying, 1.4, 1.6),
+    "LARGEST_REGIME": (part_is_regime, 0.52, 0.48),
+    "FEWEST_IN_REGIME": (few_are_regime, 7, 8),
     "MISSED": (beyond_bound, 1.9, 2.0),
     "FEW_LEVELS": (few_angles, 5, 4),
     "STRONG_CORRELATION": (follows_order, 0.79, 0.81),
