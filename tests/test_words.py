@@ -18,7 +18,7 @@ from tests.support.source_files import files, syntax_tree
 
 pytestmark = pytest.mark.long
 
-ROOMS = ("fitting", "residual", "diagnosis", "study", "design")
+ROOMS = ("fitting", "residual", "diagnosis", "study", "design", "fleet")
 FEWEST = 4
 """Words from which a text is taken for a sentence; values in it are not counted."""
 WORD = re.compile(r"[A-Za-z][\w'-]+")
@@ -35,6 +35,7 @@ ALLOWED = {
     "study/inputs.py: read_measurements": "a notice of a file, words as all of `Measurements.notices`",
     "design/candidate_poses.py: violated_rules": "names of rules, in JSON and in the error that no pose keeps them",
     "design/pose_selection.py: select_poses": "names of the limits in JSON",
+    "fleet/fleet_report.py": "the document of the command `fleet`",
 }
 """Texts that stay, by file, or file and definition, each with the reason."""
 

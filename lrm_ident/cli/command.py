@@ -5,11 +5,13 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from pydantic import ValidationError
 from typer import Option, Typer
+from typer.models import ArgumentInfo
 
 from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import CompanionFiles
@@ -23,20 +25,17 @@ from lrm_math.model.reading import Reading
 OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure": "--cross-figure"}
 """Parameters of commands that name files to be written; `arguments.CompanionFiles` says what is written beside them."""
 FIGURES = ("figure", "cross_figure")
-READING_OPTIONS: dict[str, Any] = {
-    "unit": Option(
-        "--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the names of the columns state."
-    ),
-    "angle_unit": Option(
-        "--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names of the columns state."
-    ),
-    "axes": Option("--axes", help="Which axes of the file are the arm's x, y, z, for instance x,y,-z or y,x,z."),
-    "frame": Option("--frame", help="Frame of the positions. unknown: the fit finds it. arm: that of the arm file."),
-    "joint_sign": Option("--joint-sign", help="Direction of each joint, 1 or -1, for instance 1,1,-1,1,1,1."),
-    "joint_order": Option("--joint-order", help="For each joint of the arm, its number in the file: 1,3,2,4,5,6."),
-    "bad_rows": Option(
-        "--bad-rows", help="What to do with rows that have a cell without a number: refuse (default) or skip."
-    ),
+READING_OPTIONS: Mapping[str, Any] = {
+    name: Annotated[str | None, Option(f"--{name.replace('_', '-')}", help=words)]
+    for name, words in {
+        "unit": "Unit of the positions: mm, m, cm, um or inch. Default: as the names of the columns state.",
+        "angle_unit": "Unit of the joint angles: deg or rad. Default: as the names of the columns state.",
+        "axes": "Which axes of the file are the arm's x, y, z, for instance x,y,-z or y,x,z.",
+        "frame": "Frame of the positions. unknown: the fit finds it. arm: that of the arm file.",
+        "joint_sign": "Direction of each joint, 1 or -1, for instance 1,1,-1,1,1,1.",
+        "joint_order": "For each joint of the arm, its number in the file: 1,3,2,4,5,6.",
+        "bad_rows": "What to do with rows that have a cell without a number: refuse (default) or skip.",
+    }.items()
 }
 """Options that a parameter `reading` of a command stands for."""
 
@@ -56,41 +55,63 @@ def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[...,
         own = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
         in_short = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
         examples = examples_of(own) if group is app else None  # `fit` and `motion fit` are different commands
-        group.command(own, cls=SectionedCommand, short_help=in_short, epilog=examples)(_checked(function))
+        shown = with_options(_checked(function), "reading", READING_OPTIONS, stated_reading)
+        group.command(own, cls=SectionedCommand, short_help=in_short, epilog=examples)(shown)
         return function
 
     return register
 
 
-def _checked(function: Callable[..., None]) -> Callable[..., None]:
+def with_options(
+    function: Callable[..., None],
+    parameter: str,
+    annotations: Mapping[str, Any],
+    value_of: Callable[[dict[str, Any]], object],
+) -> Callable[..., None]:
+    """A command with arguments and options in place of one of its parameters, which `value_of` makes of their values.
+
+    Arguments stand where the parameter stood, options behind all others; an option that is not given is None. A command
+    without the parameter stays as it is.
+    """
     signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
-    own = [parameter.replace(annotation=hints[name]) for name, parameter in signature.parameters.items()]
-    shown = [parameter for parameter in own if parameter.name != "reading"]
-    reads = len(shown) < len(own)
-    beside = {
-        name: mark
-        for name, hint in hints.items()
-        for mark in getattr(hint, "__metadata__", ())
-        if isinstance(mark, CompanionFiles)
-    }
-    if reads:
-        for name, option in READING_OPTIONS.items():
-            annotation = Annotated[str | None, option]
-            shown.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation))
+    if parameter not in signature.parameters:
+        return function
+    arguments, options = list[inspect.Parameter](), list[inspect.Parameter]()
+    for name, annotation in annotations.items():
+        if isinstance(annotation.__metadata__[0], ArgumentInfo):
+            arguments.append(inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=annotation))
+        else:
+            options.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation))
+    own = {name: [each.replace(annotation=hints[name])] for name, each in signature.parameters.items()}
+    shown = [*chain.from_iterable((own | {parameter: arguments}).values()), *options]
 
     @functools.wraps(function)
     def run(**values: Any) -> None:
-        """Reads the options of reading, checks the files, and calls the command."""
-        if reads:
-            values["reading"] = stated_reading({name: values.pop(name) for name in READING_OPTIONS})
+        stated = {name: values.pop(name) for name in annotations}
+        function(**{parameter: value_of(stated)}, **values)
+
+    run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in shown}
+    return run
+
+
+def _checked(function: Callable[..., None]) -> Callable[..., None]:
+    """The command, its files checked before it is called."""
+    beside = {
+        name: mark
+        for name, hint in get_type_hints(function, include_extras=True).items()
+        for mark in getattr(hint, "__metadata__", ())
+        if isinstance(mark, CompanionFiles)
+    }
+
+    @functools.wraps(function)
+    def run(**values: Any) -> None:
         appended = {option for name, option in OUTPUTS.items() if name in beside and beside[name].appended}
         check_outputs(_outputs(values, beside), _inputs(values), appended)
         for figure in (values[name] for name in FIGURES if values.get(name) is not None):
             check_format(figure)
         function(**values)
 
-    run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
     return run
 
 

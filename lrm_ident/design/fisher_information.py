@@ -58,6 +58,7 @@ def whiten(columns: Array, prior_information: Array | None = None) -> WhitenedCo
         stacked = np.concatenate([stacked, (vectors * np.sqrt(np.maximum(values, 0.0))).T])
     length = np.linalg.norm(stacked, axis=0)
     length = np.where(length > 0.0, length, 1.0)
+    # X = U Σ Vᵀ D, D the columns' lengths: with W = D⁻¹ V Σ⁻¹ is (XW)ᵀXW = I, and log det XᵀX = 2 Σ log σ + 2 Σ log D
     _, sigma, right = np.linalg.svd(stacked / length, full_matrices=False)
     rank = int(np.count_nonzero(sigma > SINGULAR * sigma[0]))
     if rank < m:
@@ -101,6 +102,8 @@ class FisherInformation:
 
     def updated(self, i: int, sign: int) -> FisherInformation:
         """Information with candidate i added (+1) or removed (−1)."""
+        # (M ± JᵀJ)⁻¹ = M⁻¹ ∓ G Gᵀ, G = M⁻¹ Jᵀ root (Woodbury 1950), root rootᵀ = (I ± V)⁻¹, V = J M⁻¹ Jᵀ;
+        # det (M ± JᵀJ) = det M det (I ± V)
         V = self.tcp_covariance_of(np.array([i]))[0]
         root = np.linalg.cholesky(np.linalg.inv(np.eye(len(V)) + sign * V))
         gain = self.inverse @ self.candidates.columns[:, i].T @ root

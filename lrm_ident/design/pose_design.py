@@ -344,6 +344,7 @@ def _weighted(problem: DesignProblem, whitening: Whitening, settled: Equilibrium
 def _with_prior(problem: DesignProblem, known: Covariance, columns: Columns, measured: Columns | None) -> Columns:
     """Columns of the poses measured already, and of a prior as if it were measurements: one number a parameter."""
     typical = np.array([problem.model.parameter(key).typical for key in known.keys])
+    # Rows R with RᵀR = C⁻¹ say as much as the prior; times σ they are as noisy as a measurement
     root = np.linalg.inv(np.linalg.cholesky(known.matrix / np.outer(typical, typical)))
     own = [problem.noise * MM_PER_M * root, *(np.zeros((len(root), part.shape[2])) for part in columns[1:])]
     every = [part[None] for part in own]
@@ -366,6 +367,7 @@ def _criterion(problem: DesignProblem, columns: Columns, measured: Columns | Non
     wide = np.concatenate(columns, axis=2)
     wide_prior = None if measured is None else _information(np.concatenate(measured, axis=2))
     m, extra = fitted.shape[2], wide.shape[2] - fitted.shape[2]
+    # log det of the rivals' own information (Schur complement) = log det of all − log det of the fitted ones
     general, rivals = 0.5 * (1.0 - RIVAL_SHARE) / m, 0.5 * RIVAL_SHARE / extra
     whitened = whiten(fitted, prior)
     try:
@@ -383,6 +385,7 @@ def _information(columns: Array) -> Array:
 def _accuracy(problem: DesignProblem, moved: Array, measured: Columns) -> ExpectedAccuracy:
     """Expected accuracy of a fit to measured poses, over all candidates, whose TCP the parameters move (N, 3, m)."""
     noise = problem.noise * MM_PER_M
+    # Columns are of typical sizes: C = σ² (XᵀX + (σ / PRIOR_SD)² I)⁻¹, and J C Jᵀ of the TCP, its trace pose by pose
     prior = (noise / PRIOR_SD) ** 2 * np.eye(measured[0].shape[2])
     covariance = np.linalg.inv(_information(measured[0]) + prior) * noise**2
     motion = np.sqrt((moved**2).sum(axis=1).mean(axis=0))

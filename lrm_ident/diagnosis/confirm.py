@@ -162,7 +162,7 @@ def confirm(
         if trial.refit:
             break
         if trial.fitted and not scored.candidate.effect.is_free_form:
-            saved = _share_saved(scored.alone.held_out, selection.squared_held_out)
+            saved = _share_saved(scored.alone.held_out, selection.screening.linear.baseline.held_out)
             promised, rival = max((promised, rival), (saved, scored.name))
         selection = select_without(selection, reasons)
     return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from lrm_ident.data.measurements import Measurements
@@ -35,14 +34,13 @@ from lrm_ident.residual.noise_floor import NoiseFloor
 from lrm_ident.residual.regime import outlier_regimes
 from lrm_ident.residual.residual_structure import ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
-from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MISSED, MORAN_THRESHOLD, NOT_NOISE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one masks nearer ones
-MISSED = 0.05  # probability of a motion beyond its bound
 RIVALS_KEPT = 4  # of a step that is taken
 
 
@@ -51,28 +49,36 @@ class Diagnosis:
     """Diagnosis of a model on measurements: the effects that it misses.
 
     Attributes:
-        fit, data: of all N poses. screened: (n,), rows that were screened; what follows is of these.
-        squared_held_out: (n,), held-out squared distance of each pose without anything added (m²).
+        screening: every candidate alone; what follows is of the poses that were screened.
         scored: every testable candidate, best first. adjusted_p_values: theirs, Benjamini-Yekutieli.
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of the other candidates of its equivalence class.
-        screening: from which they were selected.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
     """
 
-    fit: Fit
-    data: Measurements
-    squared_held_out: Array
+    screening: Screening
     scored: tuple[ScoredCandidate, ...]
     adjusted_p_values: dict[str, float]
     selected: tuple[ScoredCandidate, ...]
     equivalent: dict[str, tuple[str, ...]]
     unexplained: UnexplainedStructure
-    not_testable: tuple[Refusal, ...]
-    screened: NDArray[np.int64]
-    screening: Screening
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
+
+    @property
+    def fit(self) -> Fit:
+        """Fit of the diagnosed model to all poses."""
+        return self.screening.fit
+
+    @property
+    def data(self) -> Measurements:
+        """All poses, outliers left out."""
+        return self.screening.data
+
+    @property
+    def not_testable(self) -> tuple[Refusal, ...]:
+        """Effects that these poses cannot test, with the reason."""
+        return self.screening.not_testable
 
     @cached_property
     def floor(self) -> NoiseFloor:
@@ -88,11 +94,6 @@ class Diagnosis:
     def joint_jacobian(self) -> Array:
         """(joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad)."""
         return self.screening.joint_jacobian[:, :3]
-
-    @property
-    def screened_subset(self) -> tuple[Fit, Measurements]:
-        """The fit and the measurements at the poses that were screened."""
-        return self.screening.subset
 
     @property
     def supported(self) -> tuple[ScoredCandidate, ...]:
@@ -187,7 +188,7 @@ class Diagnosis:
             if not scored.implausible and not scored.candidate.effect.is_free_form
         }
         ordered = sorted(bounds.items(), key=lambda item: -item[1])
-        return {name: bound / math.sqrt(len(self.screened)) for name, bound in ordered}
+        return {name: bound / math.sqrt(len(self.screening.screened)) for name, bound in ordered}
 
     @property
     def above_floor(self) -> bool:
@@ -264,22 +265,17 @@ def _diagnosis_of(
     tried: Sequence[ScoredCandidate],
 ) -> Diagnosis:
     """The diagnosis that selects from the candidates `tried`, the classes of the selected ones among the `possible`."""
-    whole, linear, ranked = screening.fit, screening.linear, screening.ranked
+    ranked = screening.ranked
     weights = None if screening.rates is None else screening.rates.weights([scored.name for scored in tried])
-    selection = forward_select(screening.scored, screening.sets, linear, progress, weights, tried)
+    selection = forward_select(screening.scored, screening.sets, screening.linear, progress, weights, tried)
     selected = selection.effects
     return Diagnosis(
-        fit=whole,
-        data=screening.data,
-        squared_held_out=linear.baseline.held_out,
+        screening=screening,
         scored=(*selected, *(scored for scored in ranked if scored not in selected)),
         adjusted_p_values=benjamini_yekutieli({scored.name: scored.p_value for scored in ranked}),
         selected=selected,
         equivalent={scored.name: equivalent_effects(selection, i, possible) for i, scored in enumerate(selected)},
         unexplained=unexplained_structure(selection, screening.functions, screening.weigh),
-        not_testable=screening.not_testable,
-        screened=screening.screened,
-        screening=screening,
     )
 
 

@@ -38,17 +38,6 @@ class EffectRate:
     low: float
     high: float
 
-    @property
-    def words(self) -> str:
-        """Words such as `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
-        found = f"{self.found:.2g}" if self.found < 10 else f"{self.found:.0f}"  # unsure arms count in part
-        return f"{found} of {self.arms} arms (of the kind: {self.interval} %)"
-
-    @property
-    def interval(self) -> str:
-        """`29 to 99`: the 95 % interval in whole percents; a few arms say no more."""
-        return f"{100.0 * self.low:.0f} to {100.0 * self.high:.0f}"
-
 
 def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequence[str]]) -> tuple[EffectRate, ...]:
     """Rates of all effects that some arm could show, most frequent first.

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Any
 
 from lrm_ident.fleet.fleet_prior import FleetKnowledge
-from lrm_ident.fleet.fleet_report import FleetResult, causes_words
+from lrm_ident.fleet.fleet_report import FleetResult, causes_words, rate_words
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.report.fit import screen_unit
 from lrm_ident.report.plain_names import plain_name
@@ -48,7 +48,7 @@ def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> lis
     out = []
     for name in sorted(count, key=lambda one: (-count[one], one)):
         rate = rates.get(name)
-        words = f"{count[name]} of {done} arms" if rate is None else rate.words
+        words = f"{count[name]} of {done} arms" if rate is None else rate_words(rate)
         out.append({"name": name, "words": f"{plain_name(name)}<br>{words}"})
     return out
 

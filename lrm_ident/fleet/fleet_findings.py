@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtr
 
-from lrm_ident.data.wording import quantity
 from lrm_ident.fleet.effect_rates import EffectRate
 from lrm_ident.fleet.fleet_prior import ArmEstimates
 from lrm_ident.fleet.identify_arm import ArmRecord
@@ -22,7 +21,6 @@ from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
-from lrm_math.effects import ParameterRef
 
 MIN_OTHER_ARMS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
@@ -53,18 +51,6 @@ class FleetOutlier:
     sisters: float
     sisters_sd: float
     distance: float
-
-    @property
-    def sentence(self) -> str:
-        """The finding in words, with what to look at."""
-        what, place, name = ParameterRef.parse(self.key)
-        ratio = self.value / self.sisters if self.sisters else 0.0
-        how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
-        look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"
-        return (
-            f"{self.arm}: {place}'s {what} {name} is {self.value:.3g}, {how} "
-            f"({quantity(self.sisters, self.sisters_sd)}): {look}"
-        )
 
 
 def tag_associations(

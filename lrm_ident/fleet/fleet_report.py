@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.wording import p_words
+from lrm_ident.data.wording import p_words, quantity
+from lrm_ident.fleet.effect_rates import EffectRate
 from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation, outliers, tag_associations
 from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estimates, fleet_knowledge, parameter_values
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_math.effects import ParameterRef
 from lrm_math.errors import LrmError
 from lrm_math.model.model_file import arm_of
 
@@ -58,8 +60,8 @@ def fleet_document(result: FleetResult) -> Document:
     }
     blocks: list[Block] = [heading(f"{len(done)} of {len(result.records)} arms identified"), _arms_table(result)]
     blocks += section("\nNot identified", broken)
-    blocks += section("\nArms unlike their sisters", [one.sentence for one in result.outliers])
-    blocks += section("\nWhat goes with a tag", [_link_words(link) for link in result.links])
+    blocks += section("\nArms unlike their sisters", map(outlier_sentence, result.outliers))
+    blocks += section("\nWhat goes with a tag", map(_link_words, result.links))
     if isinstance(result.known, str):
         blocks.append(f"\nNo prior: {result.known}")
         values |= {"rates": [], "population": {}, "reason": result.known}
@@ -145,13 +147,36 @@ def causes_words(causes: Sequence[str]) -> str:
     return " or ".join(causes[:MOST_CAUSES]) + (" or …" if len(causes) > MOST_CAUSES else "")
 
 
+def rate_words(rate: EffectRate) -> str:
+    """Words such as `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
+    found = f"{rate.found:.2g}" if rate.found < 10 else f"{rate.found:.0f}"  # unsure arms count in part
+    return f"{found} of {rate.arms} arms (of the kind: {_interval(rate)} %)"
+
+
+def _interval(rate: EffectRate) -> str:
+    """The 95 % interval in whole percents, as `29 to 99`; a few arms say no more."""
+    return f"{100.0 * rate.low:.0f} to {100.0 * rate.high:.0f}"
+
+
+def outlier_sentence(one: FleetOutlier) -> str:
+    """What stands out in an arm, with what to look at."""
+    what, place, name = ParameterRef.parse(one.key)
+    ratio = one.value / one.sisters if one.sisters else 0.0
+    how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
+    look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"
+    return (
+        f"{one.arm}: {place}'s {what} {name} is {one.value:.3g}, {how} "
+        f"({quantity(one.sisters, one.sisters_sd)}): {look}"
+    )
+
+
 def _link_words(link: TagAssociation) -> str:
     levels = "; ".join(f"{level or '(none)'}: {seen}" for level, seen in link.levels)
     return f"{link.what} goes with {link.tag} (p {p_words(link.p_value)}): {levels}"
 
 
 def _rates_table(known: FleetKnowledge) -> ResultTable:
-    rows = [(one.name, one.found, one.arms, one.interval) for one in known.rates[:MOST_RATES] if one.found > 0]
+    rows = [(one.name, one.found, one.arms, _interval(one)) for one in known.rates[:MOST_RATES] if one.found > 0]
     columns = ("effect", "found|.1f", "of arms|d", "of the kind (95 %), %|")
     return ResultTable(columns, rows, "How often an effect is there")
 

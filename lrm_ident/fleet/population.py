@@ -110,6 +110,7 @@ def _log_spreads(stacked: _Stacked, many: Array) -> Array:
         once, twice = first - log, second - first
         if np.abs(twice).max(initial=0.0) < TOLERANCE:
             return second
+        # Steplength S3 of Varadhan & Roland 2008, without its sign: |r| / |v|, r the step, v its change
         length = max(1.0, float(np.linalg.norm(once) / np.linalg.norm(twice - once)))
         far = log + 2.0 * length * once + length**2 * (twice - once)
         log = step(np.clip(far, np.log(SMALLEST), np.log(WIDEST)))
@@ -138,11 +139,13 @@ def _stacked(arms: Sequence[ArmEvidence], count: int) -> _Stacked:
 def _expectation(stacked: _Stacked, spread: Array) -> tuple[Array, Array, Array, Array]:
     """Expectation at these spreads: μ, its covariance, the expected sum of (θ_i − μ)² for each parameter, and each
     arm's precision of μ (n, Q, Q)."""
-    inverse = spread**-2
-    covariance = np.linalg.inv(stacked.information + np.diag(inverse))
+    inverse = spread**-2  # diagonal of T⁻¹, T = diag τ²
+    covariance = np.linalg.inv(stacked.information + np.diag(inverse))  # C = (Λ + T⁻¹)⁻¹, of θ_i where μ is known
+    # M = (Λ⁻¹ + T)⁻¹ = T⁻¹ − T⁻¹ C T⁻¹ = T⁻¹ C Λ, also where Λ is singular (Woodbury 1950)
     precision = np.diag(inverse) - inverse[:, None] * covariance * inverse
     error = np.asarray(np.linalg.inv(np.eye(len(spread)) / WIDEST**2 + precision.sum(axis=0)))
     mean: Array = error @ (inverse * np.einsum("nij,nj->ni", covariance, stacked.along)).sum(axis=0)
+    # E(θ_i) − μ, and its variance: that of θ_i, and what the error of μ adds through d(E(θ_i) − μ)/dμ = C T⁻¹ − I
     deviation = np.einsum("nij,nj->ni", covariance, stacked.along + inverse * mean) - mean
     lever = covariance * inverse - np.eye(len(spread))
     unsure = np.einsum("nii->ni", covariance) + ((lever @ error) * lever).sum(axis=2)
@@ -156,6 +159,7 @@ def _freedom(precisions: Array, spread: Array, many: Array) -> Array:
     Fisher information of the marginal likelihood: ½ Σ M∘M.
     """
     information = 0.5 * (precisions**2).sum(axis=0)
+    # Of log τ, as dτ²/dlog τ = 2 τ²; a sample deviation of ν degrees of freedom has var(log τ) = 1 / (2 ν)
     by_log = 4.0 * information * np.outer(spread**2, spread**2) + np.eye(len(spread)) / VAGUE_LOG_SD**2
     variance = np.diag(np.linalg.inv(by_log))
     return np.asarray(0.5 / variance * np.where(many > 1, 1.0 - 1.0 / np.maximum(many, 1), 0.0))

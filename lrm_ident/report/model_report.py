@@ -239,7 +239,7 @@ def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelRepor
 def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> ModelReport:
     """Adds the result of `diagnose`. `names`: of the files in the commands to copy."""
     diagnosis = report.diagnosis
-    fitted, data = diagnosis.screened_subset
+    fitted, data = diagnosis.screening.subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
     known = covariates(data, fitted.equilibrium.joint_torque)

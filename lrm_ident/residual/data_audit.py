@@ -8,13 +8,10 @@ from enum import StrEnum
 
 import numpy as np
 
+from lrm_ident.residual.thresholds import FEW_LEVELS, MOST_OF_RANGE, STRONG_CORRELATION
 from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Excitation
 from lrm_math.kinematics.poses import Poses
-
-FEW_LEVELS, STRONG_CORRELATION = 4, 0.8
-MOST_OF_RANGE = 2 / 3
-"""Share of a joint's range from which a verdict speaks for the whole of it: a convention."""
 
 
 class LimitationKind(StrEnum):

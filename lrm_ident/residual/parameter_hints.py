@@ -9,16 +9,13 @@ from enum import StrEnum
 import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.data_audit import FEW_LEVELS
+from lrm_ident.residual.thresholds import FEW_LEVELS, LIKENESS, SURELY
 from lrm_math.arrays import Array
 from lrm_math.effects import ParameterRef
 from lrm_math.effects.base import Excitation
 from lrm_math.effects.reference import BASE_OFFSETS
 from lrm_math.model.derivatives import parameter_jacobian
 
-LIKENESS = 0.98
-"""Cosine between motions of the TCP above which parameters together count as one motion."""
-SURELY = 5.0  # standard errors
 OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 
@@ -57,7 +54,7 @@ def _scale(fitted: Fit, columns: Array) -> Iterator[ParameterHint]:
     motion = _motion(fitted, columns, lengths)
     moved, stretch = _projected_out(others, motion, fitted.equilibrium.true_tcp.reshape(-1, 1))
     share, likeness, error = _amount_of(moved, stretch[:, 0], fitted.sigma)
-    if sum(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
+    if sum(lengths) > 2 and _are_one_motion(share, likeness, error):
         yield ParameterHint(HintKind.SCALED_LENGTHS, (share, error))
 
 
@@ -71,8 +68,7 @@ def _turned_frame(fitted: Fit, columns: Array) -> Iterator[ParameterHint]:
     turns = np.stack([np.cross(axis, tcp).reshape(-1) for axis in np.eye(3)], axis=1)
     angles = np.linalg.lstsq(turns, moved, rcond=None)[0]
     angle = float(np.linalg.norm(angles))
-    share, likeness, error = _amount_of(moved, turns @ angles / max(angle, 1e-300), fitted.sigma)
-    if likeness > LIKENESS and share > SURELY * error:
+    if _are_one_motion(*_amount_of(moved, turns @ angles / max(angle, 1e-300), fitted.sigma)):
         yield ParameterHint(HintKind.TURNED_FRAME, (angle,))
 
 
@@ -85,6 +81,11 @@ def _few_levels(fitted: Fit) -> Iterator[ParameterHint]:
         own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]
         if own and levels <= FEW_LEVELS:
             yield ParameterHint(HintKind.FEW_LEVELS, (levels,), (name, *own))
+
+
+def _are_one_motion(amount: float, likeness: float, error: float) -> bool:
+    """Whether estimates together are a motion like this one, surely not of zero amount (`_amount_of`)."""
+    return likeness > LIKENESS and abs(amount) > SURELY * error
 
 
 def _motion(fitted: Fit, columns: Array, chosen: Sequence[bool]) -> Array:

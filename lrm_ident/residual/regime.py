@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.residual.covariates import Covariate, covariates, levels
 from lrm_ident.residual.significance import benjamini_yekutieli
-from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
+from lrm_ident.residual.thresholds import FEWEST_IN_REGIME, LARGEST_REGIME, MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
 
 HALVINGS, SEED, PARTS = 25, 0, 10
-LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses in an interval; number of its poses in either half
 UNITS = {"angle": "°", "load": " g", "order": ""}
 """Kinds of the quantities whose intervals are tried, with the symbol of the unit."""
 RankedRows = tuple[NDArray[np.bool_], NDArray[np.int64]]
@@ -69,7 +68,7 @@ def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     quantities = [one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS]
     quantities.sort(key=lambda one: list(UNITS).index(one.kind))
     halves = _halves(data.repeat_of)
-    if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
+    if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST_IN_REGIME:
         return ()
     ranked = [tuple((rows, _ranks(squares[rows])) for rows in (half, ~half)) for half in halves]
     adjusted = benjamini_yekutieli({one.variable: _aggregated_p_value(_parts(one), ranked) for one in quantities})
@@ -170,7 +169,7 @@ def _interval_scores(
     count = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, minlength=top))])
     total = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, ranks, minlength=top))])
     n, inside = len(ranks), count[None, :] - count[:, None]
-    allowed = (inside >= FEWEST) & (inside <= LARGEST_SHARE * n)
+    allowed = (inside >= FEWEST_IN_REGIME) & (inside <= LARGEST_REGIME * n)
     # variance of a rank sum of k of n without ties: k (n − k)(n + 1)/12; its mean k (n + 1)/2
     spread = np.sqrt(np.where(allowed, inside * (n - inside) * (n + 1) / 12, 1.0))
     return (total[None, :] - total[:, None] - inside * (n + 1) / 2) / spread, allowed

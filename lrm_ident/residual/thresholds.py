@@ -1,4 +1,4 @@
-"""Thresholds of the verdicts on a residual, and what set each.
+"""Thresholds of the verdicts on a residual, of what poses lack and of hints in the estimates, and what set each.
 
 Shares are of the held-out RMS of the 3-D distance; of mean squares those that correspond (`falls_by_share`).
 """
@@ -58,3 +58,16 @@ NOT_NOISE = 1e-3
 `SIGNIFICANCE`. Of the verdict *nothing is missing* it is the level."""
 MIN_REGIME_RATIO = 1.5
 """RMS inside a regime over RMS outside that is worth saying: a convention."""
+LARGEST_REGIME, FEWEST_IN_REGIME = 0.5, 8
+"""Share of the poses that a regime may hold, and its poses in either half of the data: conventions."""
+MISSED = 0.05
+"""Probability that a known effect moves the TCP by more than the stated bound: the usual one."""
+
+FEW_LEVELS = 4
+"""Different angles of a joint up to which its errors look alike: a convention."""
+STRONG_CORRELATION = 0.8
+"""Correlation of a joint's angle with the order above which a drift looks like an error of the joint: a convention."""
+MOST_OF_RANGE = 2 / 3
+"""Share of a joint's range from which a verdict speaks for the whole of it: a convention."""
+LIKENESS, SURELY = 0.98, 5.0
+"""Cosine between motions of the TCP above which several estimates are one motion; its standard errors from zero."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lrm_ident.fleet.fleet_figures import fleet_figures
-from lrm_ident.fleet.fleet_report import FleetResult, fleet_document
+from lrm_ident.fleet.fleet_report import FleetResult, fleet_document, rate_words
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_FLEET
 from lrm_ident.workbench.html_report import plain_page
@@ -40,7 +40,7 @@ def _verdict(found: FleetResult) -> str:
     words = f"{len(done)} of {len(found.records)} arms identified"
     common = None if isinstance(found.known, str) or not found.known.rates else found.known.rates[0]
     if common is not None and common.found > 0:
-        words += f"; most often missing: {plain_name(common.name)}, in {common.words}"
+        words += f"; most often missing: {plain_name(common.name)}, in {rate_words(common)}"
     if odd := list(dict.fromkeys(one.arm for one in found.outliers)):
         words += f"; unlike its sisters: {', '.join(odd[:3])}" + (" and more" if len(odd) > 3 else "")
     return words + "."

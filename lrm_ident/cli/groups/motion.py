@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import math
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import SO101, ArmAccess, load_changer, resumable
-from lrm_ident.cli.command import command_group, command_of, stated_reading
+from lrm_ident.cli.command import command_group, command_of, stated_reading, with_options
 from lrm_ident.cli.common import bars, notice, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import joint_labels
@@ -69,42 +67,30 @@ Recording = Annotated[
 MotionPath = Annotated[Path, Argument(metavar="MODEL", help="A motion model written by motion fit.")]
 NewMotion = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the motion model.")]
 TIP_HELP = f"What a tracker recorded while the commands were logged: {FORMATS}."
-SOURCE_OPTIONS: dict[str, Any] = {
-    "tip": (Path | None, Option(metavar="FILE", help=TIP_HELP)),
-    "tool": (str | None, Option(metavar="BODY", help="Of the tracker's file: the body at the tip.")),
-    "base": (str | None, Option(metavar="BODY", help="Of the tracker's file: the body at the base, if there is one.")),
-    "topic": (str | None, Option(metavar="TOPIC", help="Of an MCAP file: the joint states that are the commands.")),
-    "rotation": (str | None, Option(help="Of a Vicon export: helical or euler-xyz.")),
-    "rest": (Path | None, Option(metavar="MODEL", help="Fitted model of poses (default: the nominal arm).")),
-    "angle_unit": (str | None, Option(help="Unit of the recording's angles: deg (default) or rad.")),
-    "prefix": (str | None, Option(metavar="WORD", help="Of a dataset of two arms: before the joints' names, left_.")),
-}  # fmt: skip
+SOURCE_OPTIONS: Mapping[str, Any] = {
+    name: Annotated[kind | None, option]
+    for name, (kind, option) in {
+        "tip": (Path, Option(metavar="FILE", help=TIP_HELP)),
+        "tool": (str, Option(metavar="BODY", help="Of the tracker's file: the body at the tip.")),
+        "base": (str, Option(metavar="BODY", help="Of the tracker's file: the body at the base, if there is one.")),
+        "topic": (str, Option(metavar="TOPIC", help="Of an MCAP file: the joint states that are the commands.")),
+        "rotation": (str, Option(help="Of a Vicon export: helical or euler-xyz.")),
+        "rest": (Path, Option(metavar="MODEL", help="Fitted model of poses (default: the nominal arm).")),
+        "angle_unit": (str, Option(help="Unit of the recording's angles: deg (default) or rad.")),
+        "prefix": (str, Option(metavar="WORD", help="Of a dataset of two arms: before the joints' names, left_.")),
+    }.items()
+}
 """Options that a parameter `source` of a command stands for, beside RECORDING."""
+
+
+def _source(stated: dict[str, Any]) -> MotionSource:
+    angles = stated_reading({"angle_unit": stated["angle_unit"]})
+    return MotionSource(**stated | {"angle_unit": angles.angle_unit})
 
 
 def _sourced(function: Callable[..., None]) -> Callable[..., None]:
     """A command whose parameter `source` is typed as RECORDING and its options."""
-    signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
-    shown = [
-        each.replace(name="recording", annotation=Recording)
-        if each.name == "source"
-        else each.replace(annotation=hints[each.name])
-        for each in signature.parameters.values()
-    ]
-    for name, (kind, option) in SOURCE_OPTIONS.items():
-        shown.append(
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[kind, option])
-        )
-
-    @functools.wraps(function)
-    def run(**values: Any) -> None:
-        said = {name: values.pop(name) for name in SOURCE_OPTIONS}
-        said["angle_unit"] = stated_reading({"angle_unit": said["angle_unit"]}).angle_unit
-        function(source=MotionSource(values.pop("recording"), **said), **values)
-
-    run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
-    return run
+    return with_options(function, "source", {"recording": Recording, **SOURCE_OPTIONS}, _source)
 
 
 @contextmanager

@@ -44,4 +44,4 @@ def advice_of(report: DiagnosisReport) -> Advice | None:
     refit = None if first is None else first.fit
     noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
     causes = [CandidateCause.found(scored[name], to_explain) for name in names]
-    return advise(diagnosis.fit.model, causes, diagnosis.screened_subset[1].poses, noise)
+    return advise(diagnosis.fit.model, causes, diagnosis.screening.subset[1].poses, noise)

@@ -41,7 +41,7 @@ BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
     first, found = report.first, report.diagnosis
-    fitted, data = found.screened_subset
+    fitted, data = found.screening.subset
     known = covariates(data, fitted.equilibrium.joint_torque)
     with figure_file(path, 13 if first is None else 19, 4.6) as figure:
         left, right, *third = figure.subplots(1, 2 if first is None else 3)
@@ -126,7 +126,7 @@ def _form_error(first: RankedCandidate, found: Diagnosis, joint: int) -> Array |
     candidate, fit, keys = first.scored.candidate, first.fit, refitted_keys(first)
     if fit is None or not keys:
         return None
-    motions = candidate.columns(first.scored.shape).reshape(len(found.screened), -1, len(keys))[:, :3]
+    motions = candidate.columns(first.scored.shape).reshape(len(found.screening.screened), -1, len(keys))[:, :3]
     turns = np.stack([joint_turns(motions[:, :, k], found.joint_jacobian)[joint] for k in range(len(keys))], axis=1)
     rows = [fit.model.free.index(key) for key in keys]
     turns = turns / [parameter.typical for parameter in candidate.parameters]
@@ -140,7 +140,7 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     motion = function.terms[0][0][:3] if shift is None else shift.direction
     length = np.maximum((motion**2).sum(axis=0), 1e-12)
     scale, acts_like = _motion_shown(function)
-    amount = scale * (found.fit.residual[found.screened].T * motion).sum(axis=0) / length
+    amount = scale * (found.fit.residual[found.screening.screened].T * motion).sum(axis=0) / length
     first = function.covariates[0]
     values, name = _followed(found, first) if shift is None else (shift.force, f"{in_a_sentence(first)}, N")
     if len(function.covariates) == 1:
@@ -175,5 +175,5 @@ def _followed(found: Diagnosis, variable: ExplanatoryVariable) -> tuple[Array, s
     every = (*covariates(found.data, torque), Covariate("total torque", np.abs(torque).sum(axis=1)))
     shown = next(one.shown for one in every if one.variable == now)
     if now == variable:
-        return shown[found.screened], axis_label(now)
-    return np.concatenate([shown[:1], shown[:-1]])[found.screened], f"{axis_label(now)}, at the pose before"
+        return shown[found.screening.screened], axis_label(now)
+    return np.concatenate([shown[:1], shown[:-1]])[found.screening.screened], f"{axis_label(now)}, at the pose before"

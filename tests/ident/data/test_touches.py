@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,6 @@ from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.effects.tracker_errors import TouchedBoard, TouchedPoint
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import as_deployed, deployed_part
@@ -33,7 +31,6 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.session_state import StateAfterSession
 from lrm_math.model.state_after_session import state_after_session
-from tests.support.random_arms import random_arm
 from tests.support.sweep import examples
 
 POINTS_MM = {"A": (0.0, 0.0, 0.0), "B": (100.0, 0.0, 0.0), "C": (100.0, 80.0, 0.0), "D": (0.0, 80.0, 20.0)}
@@ -97,20 +94,6 @@ def touches(so101: Arm) -> Touches:
     q = at_goals(truth, goals, 1)
     q = q + np.random.default_rng(2).normal(0.0, np.radians(0.05), q.shape)
     return [(angles, point, where) for angles, (point, where) in zip(q, asked, strict=True)]
-
-
-@pytest.mark.parametrize("kind", [TouchedBoard, TouchedPoint])
-def test_derivatives_are_those_of_central_differences(kind: type[TouchedPoint]) -> None:
-    arm = random_arm(3, 4)
-    own = [kind(arm, f"placement{k}") for k in (1, 2)]
-    model = model_of(arm, [*effects_at(arm, "offsets"), *own])
-    model = model.with_values(np.random.default_rng(0).uniform(-0.1, 0.1, len(model.keys)) * 0.3)
-    poses = replace(poses_of(np.random.default_rng(1).uniform(-1, 1, (6, 4))), placement=np.array([1, 2, 1, 2, 3, 1]))
-    J = parameter_jacobian(solve_equilibrium(model, poses))
-    for j in range(len(model.keys)):
-        step = 1e-6 * (np.arange(len(model.keys)) == j)
-        plus, minus = (solve_equilibrium(model.with_values(model.values + s * step), poses).tcp for s in (1, -1))
-        assert np.abs(J[:, :, j] - (plus - minus) / 2e-6).max() < 1e-8, model.keys[j]
 
 
 @examples(10, 20)

@@ -75,6 +75,8 @@ Course = list[tuple[float, Evidence]]
 
 
 @given(st.lists(steps, max_size=8), st.floats(0.0, 20.0))
+@example([(1.0, Evidence(misspecified=True))], 0.0)
+@example([(1.0, Evidence(replicates=False))], 0.0)
 def test_attributions_of_any_sequence_of_steps(course: Course, left: float) -> None:
     found = attribute_steps(course, left)
     for (explained, step), one in zip(course, found, strict=True):

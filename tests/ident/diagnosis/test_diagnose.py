@@ -442,7 +442,7 @@ def test_blocks_of_the_diagnosis_are_those_of_the_held_out_error(
 ) -> None:
     """The linear held-out error of the fitted model is close to the one from refitting every fold in full."""
     found = real_under_option_1
-    linear = float(np.sqrt(found.squared_held_out.mean()))
+    linear = float(np.sqrt(found.screening.linear.baseline.held_out.mean()))
     assert linear == pytest.approx(error_stats(cross_validated_residual(found.fit.model, real)).rms, rel=0.02)
     assert len(np.unique(joint_space_folds(real.poses.q, real.repeat_of))) == 10
 
@@ -487,6 +487,6 @@ def test_play_is_named_on_a_part_of_the_poses_and_outliers_beyond_it_are_found(
     data.tcp[wrong] += [0.05, 0.0, -0.05]
     found = diagnose(base_fit(lab, data), data)
     assert not set(wrong) <= set(identifiability.subsample_rows(500).tolist())
-    assert len(found.screened) < 250 < len(found.data)
+    assert len(found.screening.screened) < 250 < len(found.data)
     assert {int(data.pose[row]) for row in wrong} <= set(found.outliers)
     assert "backlash@joint2" in first_class(build_report(found))

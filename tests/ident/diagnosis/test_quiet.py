@@ -51,7 +51,9 @@ def test_a_surer_excess_is_never_quieter(ratio: float, p_values: tuple[float, fl
 
 @given(st.floats(0.5, 3.0), shares)
 def test_without_a_known_noise_nothing_exceeds_it(ratio: float, structure: float) -> None:
-    assert verdict(ratio, float("nan"), structure, None) == Verdict.NOISE_UNKNOWN
+    found = verdict(ratio, float("nan"), structure, None)
+    assert found == Verdict.NOISE_UNKNOWN
+    assert found.quiet
 
 
 def test_an_excess_of_an_eighth_is_seen_in_many_poses(tmp_path: Path) -> None:

@@ -52,34 +52,54 @@ def scored(name: str, alone: float = 1.0, part: ModelPart = ModelPart.ARM) -> An
     )
 
 
-def confirmed(patch: Patch, left_by_second: float) -> Any:
-    """A diagnosis whose first effect promises half of the error and is refused by its refit; then a second one's refit
-    leaves so much."""
-    first, second = scored("first", 0.5), scored("second")
+REFUSED = None
+
+
+def confirmed(patch: Patch, *candidates: tuple[float, float | None]) -> Any:
+    """A diagnosis of effects a, b, …: the mean squares that each alone would leave, and that its refit leaves."""
+    effects = [scored(name, alone) for name, (alone, _) in zip("abc", candidates, strict=False)]
 
     def diagnosis(*supported: Any) -> Any:
-        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES), special_cases=list)
+        screening = SimpleNamespace(linear=SimpleNamespace(baseline=SimpleNamespace(held_out=np.ones(POSES))))
+        return SimpleNamespace(supported=supported, screening=screening, special_cases=list)
 
-    trials = {
-        "first": candidate_trial.CandidateTrial(None, Reason(ReasonKind.NEAR_ZERO)),
-        "second": candidate_trial.CandidateTrial(SimpleNamespace(squares=np.full(POSES, left_by_second))),  # type: ignore[arg-type]
-    }
+    def trial(left: float | None) -> candidate_trial.CandidateTrial:
+        if left is REFUSED:
+            return candidate_trial.CandidateTrial(None, Reason(ReasonKind.NEAR_ZERO))
+        return candidate_trial.CandidateTrial(SimpleNamespace(squares=np.full(POSES, left)))  # type: ignore[arg-type]
+
+    trials = {one.name: trial(left) for one, (_, left) in zip(effects, candidates, strict=True)}
     patch.setattr(confirm, "held_out_squares", lambda _: np.ones(POSES))
     patch.setattr(confirm, "refit_trial", lambda _, one, *__: trials[one.name])
-    patch.setattr(confirm, "select_without", lambda _, names: diagnosis(*([second] if "second" not in names else [])))
-    return confirm.confirm(diagnosis(first, second), ("blocks",))  # type: ignore[arg-type]
+    patch.setattr(
+        confirm, "select_without", lambda _, names: diagnosis(*(one for one in effects if one.name not in names))
+    )
+    return confirm.confirm(diagnosis(*effects), ("blocks",))  # type: ignore[arg-type]
 
 
-def test_an_effect_that_saves_far_less_than_a_refused_one_promised_is_refused(monkeypatch: Patch) -> None:
-    found = confirmed(monkeypatch, 0.8)  # saves 0.2; half of what was promised is 0.25
+@pytest.mark.parametrize(
+    "before",
+    [
+        [(0.5, REFUSED)],
+        [(0.5, REFUSED), (0.9, REFUSED)],  # the largest promise counts, not the last one
+    ],
+)
+def test_an_effect_that_saves_far_less_than_a_refused_one_promised_is_refused(
+    monkeypatch: Patch, before: list[tuple[float, float | None]]
+) -> None:
+    """It has to save half of that: 0.25."""
+    last = "abc"[len(before)]
+    found = confirmed(monkeypatch, *before, (1.0, 0.8))
     assert found.supported == ()
-    assert found.refused["second"] == Reason(ReasonKind.LESS_THAN_PROMISED, names=("first",))
+    assert found.refused[last] == Reason(ReasonKind.LESS_THAN_PROMISED, names=("a",))
+    found = confirmed(monkeypatch, *before, (1.0, 0.7))
+    assert [one.name for one in found.supported] == [last]
+    assert last not in found.refused
 
 
-def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
-    found = confirmed(monkeypatch, 0.7)
-    assert [one.name for one in found.supported] == ["second"]
-    assert set(found.refused) == {"first"}
+def test_after_one_that_saves_far_less_no_other_is_tried(monkeypatch: Patch) -> None:
+    found = confirmed(monkeypatch, (0.5, REFUSED), (1.0, 0.8), (1.0, 0.1))
+    assert (found.supported, set(found.refused)) == ((), {"a", "b"})
 
 
 def leading(

@@ -17,7 +17,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.screening import score_test
 from lrm_ident.diagnosis.symbolic_regression import proposal
-from lrm_ident.residual import regime, thresholds
+from lrm_ident.residual import data_audit, parameter_hints, regime, thresholds
 from lrm_ident.residual.better_prediction import predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.residual_structure import ResidualStructure
@@ -221,6 +221,55 @@ def regime_worth_saying(ratio: float, patch: Patch) -> bool:
     return bool(regime.find_regimes(data, squares()))
 
 
+def taken_for_regime(inside: int) -> bool:
+    """Whether an interval of so many of the poses may be a regime."""
+    parts, every = np.where(np.arange(MANY) < inside, 1, 0), np.ones(MANY, dtype=np.bool_)
+    return bool(regime._interval_scores(parts, every, np.arange(MANY))[1][1, 2])
+
+
+def part_is_regime(share: float, _: Patch) -> bool:
+    return taken_for_regime(round(share * MANY))
+
+
+def few_are_regime(count: float, _: Patch) -> bool:
+    return taken_for_regime(int(count))
+
+
+def beyond_bound(motion: float, _: Patch) -> bool:
+    """Whether an effect of one parameter, estimated as zero, may not move the TCP by so many standard errors."""
+    one = SimpleNamespace(
+        name="one", added=np.zeros((3, 1)), parameter_count=1, implausible=None,
+        candidate=SimpleNamespace(effect=SimpleNamespace(is_free_form=False)),
+    )  # fmt: skip
+    found = diagnosis(scored=[one], fit=SimpleNamespace(sigma=1.0), screening=SimpleNamespace(screened=[0]))
+    return bool(Diagnosis.motion_bounds.func(found)["one"] < motion)  # type: ignore[attr-defined]
+
+
+def few_angles(count: float, _: Patch) -> bool:
+    excitation: Any = SimpleNamespace(torque=np.zeros((MANY, 1)), levels=lambda _: count)
+    return bool(list(data_audit._levels(excitation)))
+
+
+def follows_order(correlation: float, _: Patch) -> bool:
+    order = np.arange(MANY) - (MANY - 1) / 2
+    across = order**2 - np.mean(order**2)  # even, so that it is not correlated with the order
+    q = correlation * order / np.std(order) + math.sqrt(1.0 - correlation**2) * across / np.std(across)
+    return bool(data_audit.joints_of_order(q[:, None]))
+
+
+def holds_in_a_part(share: float, _: Patch) -> bool:
+    """Of a joint that was measured over a share of its range."""
+    return bool(data_audit.where_it_holds(np.linspace(0.0, share, MANY)[:, None], np.zeros(1), np.ones(1)))
+
+
+def like_one_motion(cosine: float, _: Patch) -> bool:
+    return parameter_hints._are_one_motion(1.0, cosine, 0.1)
+
+
+def surely_one_motion(amount: float, _: Patch) -> bool:
+    return parameter_hints._are_one_motion(-amount, 1.0, 1.0)
+
+
 Case = tuple[Callable[[float, Patch], bool], float, float]
 CASES: dict[str, Case] = {
     "SIGNIFICANCE": (significant_structure, 0.011, 0.009),
@@ -245,6 +294,14 @@ CASES: dict[str, Case] = {
     "MORAN_THRESHOLD": (alike_neighbours, 0.09, 0.11),
     "NOT_NOISE": (like_noise, 0.9e-3, 1.1e-3),
     "MIN_REGIME_RATIO": (regime_worth_saying, 1.4, 1.6),
+    "LARGEST_REGIME": (part_is_regime, 0.52, 0.48),
+    "FEWEST_IN_REGIME": (few_are_regime, 7, 8),
+    "MISSED": (beyond_bound, 1.9, 2.0),
+    "FEW_LEVELS": (few_angles, 5, 4),
+    "STRONG_CORRELATION": (follows_order, 0.79, 0.81),
+    "MOST_OF_RANGE": (holds_in_a_part, 0.68, 0.65),
+    "LIKENESS": (like_one_motion, 0.97, 0.99),
+    "SURELY": (surely_one_motion, 4.9, 5.1),
 }
 """By threshold: a decision, a figure for which it is no, and one for which it is yes."""
 DEFAULTS_OF_COMMANDS = {"MAX_EFFECTS"}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -42,3 +44,15 @@ def test_a_dimension_far_from_the_arm_file_is_named(tmp_path: Path, old: str, ne
     printed = stdout_of("fit", str(data), "--arm", str(arm))
     assert ("Far from the arm file: " in printed) is bool(said)
     assert all(f"{key.rpartition('_')[0]} by " in printed for key in said)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "told", "named"), [(2.9, 0.6, False), (-3.1, 0.6, True), (3.1, 0.45, False), (3.1, 0.55, True)]
+)
+def test_far_is_what_the_poses_determine_beyond_three_typical_sizes(sizes: float, told: float, named: bool) -> None:
+    key = "offsets.joint2.d_mm"
+    model = SimpleNamespace(
+        free=(key,), value=lambda _: sizes * 1e-3, parameter=lambda _: SimpleNamespace(typical=1e-3)
+    )
+    fit: Any = SimpleNamespace(model=model, told=[told])
+    assert unusual_dimensions(fit) == ((key,) if named else ())

@@ -20,7 +20,7 @@ from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import silent
 from lrm_ident.fleet import fleet_findings
 from lrm_ident.fleet.effect_rates import EffectRate, effect_rates, exact_interval
-from lrm_ident.fleet.fleet_report import FleetResult, fleet_result
+from lrm_ident.fleet.fleet_report import FleetResult, fleet_result, outlier_sentence, rate_words
 from lrm_ident.fleet.identify_arm import ArmRecord, evidence_of
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.fleet.population import ArmEvidence, fit_population
@@ -110,9 +110,9 @@ def test_rates_without_arms() -> None:
 
 def test_a_rate_is_what_was_seen_and_in_whole_percents_what_that_says_of_the_kind() -> None:
     (rate,) = effect_rates([[["backlash@joint2"]]] * 3, [["backlash@joint2"]] * 3)
-    assert re.fullmatch(r"3 of 3 arms \(of the kind: \d+ to \d+ %\)", rate.words)
-    assert EffectRate("play", 3.0, 3, 0.8, 0.4512, 0.9968).words == "3 of 3 arms (of the kind: 45 to 100 %)"
-    assert EffectRate("play", 0.5, 12, 0.05, 0.0007, 0.3044).words == "0.5 of 12 arms (of the kind: 0 to 30 %)"
+    assert re.fullmatch(r"3 of 3 arms \(of the kind: \d+ to \d+ %\)", rate_words(rate))
+    assert rate_words(EffectRate("play", 3.0, 3, 0.8, 0.4512, 0.9968)) == "3 of 3 arms (of the kind: 45 to 100 %)"
+    assert rate_words(EffectRate("play", 0.5, 12, 0.05, 0.0007, 0.3044)) == "0.5 of 12 arms (of the kind: 0 to 30 %)"
 
 
 @given(st.integers(1, 200), st.floats(1e-6, 1.0) | st.just(0.0), st.integers(2, 10))
@@ -139,7 +139,7 @@ def test_a_rare_effect_is_not_said_to_be_rarer_than_it_was_seen() -> None:
     """One of three arms, among a hundred effects that no arm has."""
     names = [f"backlash@joint{k}" for k in range(100)]
     first, *_ = effect_rates([[[names[0]]], [], []], [names] * 3)
-    assert first.words == "1 of 3 arms (of the kind: 1 to 91 %)"
+    assert rate_words(first) == "1 of 3 arms (of the kind: 1 to 91 %)"
     assert first.rate < 0.1, "what is known of all effects makes it rare for the next arm"
 
 
@@ -233,7 +233,7 @@ def test_the_softer_joint_goes_with_the_batch_and_nothing_else_does(two_batches:
 @pytest.mark.long
 def test_the_broken_arm_is_named_and_the_batch_is_no_outlier(two_batches: FleetResult) -> None:
     assert [(one.arm, one.key) for one in two_batches.outliers] == [(f"arm{BROKEN}", LOOSE)]
-    assert two_batches.outliers[0].sentence.startswith(f"arm{BROKEN}: joint2's compliance")
+    assert outlier_sentence(two_batches.outliers[0]).startswith(f"arm{BROKEN}: joint2's compliance")
 
 
 @pytest.mark.slow

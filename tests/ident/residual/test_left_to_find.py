@@ -16,7 +16,7 @@ from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_s
 from lrm_ident.report.text.poses import where_measured
 from lrm_ident.report.text.residuals import regime_sentence
 from lrm_ident.residual.covariates import ExplanatoryVariable
-from lrm_ident.residual.data_audit import FEW_LEVELS, where_it_holds
+from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.error_breakdown import compare
 from lrm_ident.residual.gaussian_process import FactoredKernel, Kernel, condition, fit_kernel, log_marginal_likelihood
 from lrm_ident.residual.predictability import (
@@ -27,6 +27,7 @@ from lrm_ident.residual.predictability import (
     predictable_error,
 )
 from lrm_ident.residual.regime import find_regimes, kuiper_interval, studentised_squares
+from lrm_ident.residual.thresholds import FEW_LEVELS
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at

@@ -84,7 +84,7 @@ def field_tcp(data: Measurements) -> np.ndarray:
 @pytest.mark.slow
 def test_the_form_of_the_hidden_play_lies_on_the_data(example_diagnosis: lrm.DiagnosisReport) -> None:
     report = example_diagnosis
-    fitted, seen = report.diagnosis.screened_subset
+    fitted, seen = report.diagnosis.screening.subset
     known = covariates(seen, fitted.equilibrium.joint_torque)
     assert report.first is not None
     view = candidate_view(report.first, report.diagnosis, known, np.arange(len(seen)))

@@ -21,7 +21,7 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.model_history import model_file, model_text, undo_step
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import covariance_table, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, load_covariance, load_model
@@ -86,6 +86,8 @@ def test_undo_restores_every_byte(fitted: Fit, measured: Measurements, lab: Arm,
     assert read.covariance is not None
     assert read.covariance.keys != before.covariance.keys
     assert model_text(undo_step(read)) == (tmp_path / "model.toml").read_text()
+    with pytest.raises(LrmError, match="nothing to undo"):
+        undo_step(before)
 
 
 def test_files_without_covariance_still_load(fitted: Fit, measured: Measurements, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def candidate_view(
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
     """
     scored = ranked.scored
-    fitted, data = found.screened_subset
+    fitted, data = found.screening.subset
     weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns(scored.shape)
     alone = (columns @ best_estimate(ranked)).reshape(len(data), -1)[:, :3]
