@@ -94,6 +94,11 @@ class Parameter:
         return max(units, key=len)
 
     @property
+    def symbol(self) -> str:
+        """The name without its unit."""
+        return self.name.removesuffix(f"_{self.unit}")
+
+    @property
     def si(self) -> float:
         """Factor from the file's unit to SI."""
         return UNIT_IN_SI[self.unit]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words, quantity
-from lrm_ident.diagnosis.attribution import StepAttribution, term_of
+from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words
+from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES
 from lrm_ident.report.document import plain
@@ -24,7 +25,7 @@ from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
-from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects.reference import EffectRef
 from lrm_math.model.step_name import FIT
@@ -138,7 +139,7 @@ def _card(
     """A card with the errors of its step, and what that shows: an identified cause, a candidate, or none."""
     kind, floor, before, after = None if shown is None else shown.kind, found.floor_mm, fall.before_rms_mm, fall.rms_mm
     excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
-    known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
+    ratio = None if shown is None or found.diagnosis is None else unexplained_ratio(fall.explained, shown.unexplained)
     own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
     return {
         **own,
@@ -150,7 +151,7 @@ def _card(
         "share": None if excess is None else min(max(excess, 0.0), 1.0),
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
-        "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
+        "ratio": ratio if ratio is not None and MAX_UNEXPLAINED_RATIO < ratio < math.inf else None,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card)],
         "equivalent": [plain_name(name) for name in card.evidence.equivalent],
         "asked": card.evidence.rivals is not None,
@@ -216,8 +217,4 @@ def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str
         "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),
-        "estimates": [
-            f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
-            for key, one in advice["parameters"].items()
-        ],
     }

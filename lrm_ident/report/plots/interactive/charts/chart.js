@@ -19,7 +19,7 @@ const lrmChart = (() => {
   // Marks at points, and a line through points, as Plotly takes them; an axis with a title.
   const dots = (name, x, y, marker, more) => ({ type: "scatter", mode: "markers", name, x, y, marker: { size: 5, ...marker }, ...more });
   const line = (name, x, y, ink, more) => ({ type: "scatter", mode: "lines", name, x, y, line: ink, hoverinfo: "skip", ...more });
-  const titled = (text, more) => ({ title: { text, standoff: 4 }, ...more });
+  const titled = (text, more) => ({ title: { text, standoff: 4, font: { size: 12 } }, ...more });
   // An upright line across a chart, and an axis of names from above to below.
   const upright = (x, ink) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: ink });
   const named = (names) => ({ range: [names.length - 0.5, -0.5], tickmode: "array", tickvals: names.map((_, k) => k), ticktext: names, zeroline: false });
