@@ -335,7 +335,7 @@ class AngleDependentEffect(JointEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at three or more angles."""
         levels = excitation.levels(self.joint)
-        return None if levels >= 3 else f"it stands at {levels} levels only"
+        return None if levels >= 3 else f"it was measured at {levels} angles only"
 
 
 class LoadedJointEffect(JointEffect):

@@ -50,7 +50,8 @@ COLOURS_OF_STEPS = """[...document.querySelectorAll('.lrm-card-of-step')].map((c
 PRINTED = """(() => {
   const seen = [...document.querySelectorAll(".lrm-fold > summary h2")].filter((one) => one.checkVisibility());
   const bar = getComputedStyle(document.querySelector(".lrm-bar"));
-  return [seen.length, bar.printColorAdjust];
+  const kept = [...seen.map((one) => one.parentElement), document.getElementById("lrm-effect-note")];
+  return [seen.length, bar.printColorAdjust, kept.every((one) => getComputedStyle(one).breakAfter === "avoid")];
 })()"""
 NO_WIDER = "document.documentElement.scrollWidth <= innerWidth"
 FIELD = "(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)"
@@ -112,7 +113,7 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
         assert card == bar, "a card has the colour of its step"
     page.emulate_media(media="print")
     page.evaluate("lrm.print(true)")
-    assert page.evaluate(PRINTED) == [5, "exact"], "on paper tables have headings and candidates bars"
+    assert page.evaluate(PRINTED) == [5, "exact", True], "tables keep their headings, bars are printed"
     page.evaluate("lrm.print(false)")
     page.emulate_media(media="screen")
     assert page.inner_text("#lrm-fall").startswith("nominal "), "never the last, smallest step"
