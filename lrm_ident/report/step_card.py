@@ -53,15 +53,17 @@ class StepCard:
         return all(left * 1e3 > (1.0 + AS_WELL) * after for left in self.evidence.rivals.values())
 
 
-def rivals(card: StepCard) -> tuple[tuple[str, str], ...]:
+def rivals(card: StepCard, weighted: bool) -> tuple[tuple[str, str], ...]:
     """The effects that came next to a step's own, and what each would have left, of steps that kept it.
 
-    Those that could not be told apart come first.
+    Those that are indistinguishable come first. `weighted`: more than positions was measured, so that the estimates, of
+    all that was measured, are no errors of the tip.
     """
     known, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
     why = dict.fromkeys(card.evidence.equivalent, "these poses cannot distinguish it")
     for name, left in known.items():
-        why[name] = f"{in_mm(left)} mm{', with more parameters' if EffectRef.parse(name).id in free else ''}"
+        size = "not refitted" if weighted else f"{in_mm(left)} mm"
+        why[name] = f"{size}{', with more parameters' if EffectRef.parse(name).id in free else ''}"
     return tuple((name, words) for name, words in why.items() if name != card.name)[:RIVALS_KEPT]
 
 

@@ -88,6 +88,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> None:
     """The axis is that of the effect's law, before and after are seen to differ, every step has a sketch."""
     page = browser.new_context(viewport={"width": 1440, "height": 844}, color_scheme="light").new_page()
+    page.goto(report.as_uri())
+    page.wait_for_selector("#lrm-turn .main-svg")
+    page.set_viewport_size({"width": 500, "height": 844})  # a window that is made narrower, a phone that is turned
+    settle(page, SETTLED_MS)
+    assert faults_of_geometry(page) == [], "resized"
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 844})
         page.goto(report.as_uri())

@@ -43,6 +43,8 @@ STANDINGS = {
     "refused": "✕ cannot be the cause",
 }
 """What is to be made of a candidate, in the order of the list."""
+UNKNOWN = "–"
+"""For an error that is not known."""
 
 
 def figure_values(found: ModelReport) -> dict[str, Any]:
@@ -138,6 +140,7 @@ def _card(
 ) -> dict[str, Any]:
     """A card with the errors of its step, and what that shows: an identified cause, a candidate, or none."""
     kind, floor, before, after = None if shown is None else shown.kind, found.floor_mm, fall.before_rms_mm, fall.rms_mm
+    weighted = found.poses.several_kinds
     excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
     ratio = None if shown is None or found.diagnosis is None else unexplained_ratio(fall.explained, shown.unexplained)
     own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
@@ -152,10 +155,10 @@ def _card(
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
         "ratio": ratio if ratio is not None and MAX_UNEXPLAINED_RATIO < ratio < math.inf else None,
-        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card)],
+        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, weighted)],
         "equivalent": [plain_name(name) for name in card.evidence.equivalent],
         "asked": card.evidence.rivals is not None,
-        "unrivalled": kind == "finding" and held_out and card.unrivalled(after),
+        "unrivalled": kind == "finding" and held_out and not weighted and card.unrivalled(after),
     }
 
 
@@ -198,9 +201,9 @@ def _gain(advice: Mapping[str, Any], weighted: bool) -> float | None:
 
 
 def _held(advice: Mapping[str, Any], weighted: bool) -> str:
-    """A held-out error in mm; ≈ if not refitted, then of all that was measured where that is more than positions."""
+    """A held-out error in mm; ≈ if not refitted, and none where more than positions was measured."""
     value = in_mm(advice["held_out_rms_mm"] * 1e-3)
-    return value if not advice["approximate"] else f"≈ {value} {'(all, weighted)' if weighted else ''}".rstrip()
+    return value if not advice["approximate"] else UNKNOWN if weighted else f"≈ {value}"
 
 
 def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str, weighted: bool) -> dict[str, Any]:

@@ -73,7 +73,7 @@ function lrmCandidates(page) {
 
   function drawRanking(choose) {
     const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
-    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"),
+    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"), ...some((one) => one.held === "–", "– not refitted"),
       ...some((one) => one.gain !== null, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
     lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));

@@ -1,7 +1,7 @@
 // What all flat charts share: colours of the page's style, Plotly's layout and buttons, means and ranges of points.
 "use strict";
 const lrmChart = (() => {
-  const BINS = 12;
+  const BINS = 12, SETTLED_MS = 200;
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 
   function layout(extra) {
@@ -73,6 +73,12 @@ const lrmChart = (() => {
       Plotly.redraw(figure); // the legend's rows changed with the width, and with them the room above the chart
     }
   }
+
+  let resized = 0;
+  addEventListener("resize", () => {
+    clearTimeout(resized);
+    if (window.Plotly && !document.documentElement.classList.contains("lrm-paper")) resized = setTimeout(fit, SETTLED_MS, false);
+  });
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: [["zoom2d", "select2d", "resetScale2d"]] };
   return { colour, dots, line, titled, upright, named, draw, at, binned, range, fit };
