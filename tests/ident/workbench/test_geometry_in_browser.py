@@ -123,7 +123,7 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
     page.emulate_media(media="screen")
     assert page.inner_text("#lrm-fall").startswith("nominal "), "never the last, smallest step"
     assert page.evaluate("lrm.state.beside") == 0
-    for words in ("measured minus predicted", "Solid arm: the model", "Outline: the nominal arm"):
+    for words in ("measured minus predicted", "Solid arm: the model", "Outline and dashed line: the nominal arm"):
         assert words in page.inner_text("#lrm-scale"), "the picture says what it shows"
     captions = page.evaluate("[...document.querySelectorAll('.lrm-numbers caption')].map((one) => one.textContent)")
     assert len({*captions}) == len(captions), "no table stands twice"
