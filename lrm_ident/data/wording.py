@@ -34,7 +34,7 @@ def with_error(value: float, error: float) -> tuple[str, str]:
     if error >= SENSELESS:
         return f"{value:.3g}", "unknown"
     places = max(0, 1 - math.floor(math.log10(float(f"{error:.1e}"))))
-    return f"{value:.{places}f}", f"{error:.{places}f}"
+    return f"{value:z.{places}f}", f"{error:.{places}f}"
 
 
 def in_percent(share: float) -> str:

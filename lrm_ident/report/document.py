@@ -329,7 +329,7 @@ def _list(section: ListSection) -> str:
     title, lines = escape(section.title.strip()), [f"<li>{escape(line)}</li>" for line in section.lines]
     rest = "".join(lines[OPEN:])
     more = f"<details><summary>{len(lines) - OPEN} more</summary><ul>{rest}</ul></details>" if rest else ""
-    return f"<h4>{title}</h4><ul>{''.join(lines[:OPEN])}</ul>{more}"
+    return f"<h3>{title}</h3><ul>{''.join(lines[:OPEN])}</ul>{more}"
 
 
 def _td(cell: str, right: bool, tag: str = "td") -> str:

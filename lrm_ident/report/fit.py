@@ -366,14 +366,14 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
 
 def _group_table(factor: Factor) -> ResultTable:
     places = decimals(*(group.error.rms * 1e3 for group in factor.groups))
-    columns = ["group", "poses|", f"mean|.{places}f", f"RMS mm|.{places}f", "mean residual mm|"]
+    columns = ["group", "poses|", f"mean|.{places}f", f"RMS mm|.{places}f", "residual x y z mm|"]
     rows: list[tuple[object, ...]] = []
     for group in factor.groups:
         turn = () if group.equivalent_rotation is None else (np.degrees(group.equivalent_rotation),)
         bias = _vector(1e3 * np.array(group.bias), places)
         rows.append((group.label, group.count, *stats_in_mm(group.error)[:2], bias, *turn))
     if factor.groups[0].equivalent_rotation is not None:
-        columns.append(f"like q{(factor.variable.joint or 0) + 1} deg|+.2f")
+        columns.append(f"turn of joint {(factor.variable.joint or 0) + 1} deg|+.2f")
     return ResultTable(columns, rows, f"By {variable_name(factor.variable)}")
 
 

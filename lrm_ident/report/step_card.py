@@ -15,7 +15,7 @@ from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
-from lrm_math.effects import FREE_FORMS, Effect, EffectRef, variants
+from lrm_math.effects import FREE_FORMS, Effect, EffectRef, Parameter, variants
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
@@ -53,15 +53,17 @@ class StepCard:
         return all(left * 1e3 > (1.0 + AS_WELL) * after for left in self.evidence.rivals.values())
 
 
-def rivals(card: StepCard) -> tuple[tuple[str, str], ...]:
+def rivals(card: StepCard, weighted: bool) -> tuple[tuple[str, str], ...]:
     """The effects that came next to a step's own, and what each would have left, of steps that kept it.
 
-    Those that could not be told apart come first.
+    Those that are indistinguishable come first. `weighted`: more than positions was measured, so that the estimates, of
+    all that was measured, are no errors of the tip.
     """
     known, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
     why = dict.fromkeys(card.evidence.equivalent, "these poses cannot distinguish it")
     for name, left in known.items():
-        why[name] = f"{in_mm(left)} mm{', with more parameters' if EffectRef.parse(name).id in free else ''}"
+        size = "not refitted" if weighted else f"{in_mm(left)} mm"
+        why[name] = f"{size}{', with more parameters' if EffectRef.parse(name).id in free else ''}"
     return tuple((name, words) for name, words in why.items() if name != card.name)[:RIVALS_KEPT]
 
 
@@ -87,7 +89,7 @@ def step_cards(
             title=_capital(step_title(entry.name)),
             claim=_claim(added, numbers),
             estimate=next(iter(numbers.values())) if free == 1 else "",
-            estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
+            estimates=tuple(f"{one.symbol} = {words}" for one, words in numbers.items()),
             joint=joint,
             driver=driver,
             evidence=Evidence(
@@ -110,22 +112,22 @@ def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate
     return shown_most(taken, known, joints)
 
 
-def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:
+def _estimates(effect: Effect, entry: HistoryTable) -> dict[Parameter, str]:
     """Numbers of an effect; none of what names no cause, of which none means anything alone."""
     if not effect.names_a_cause:
         return {}
     return {
-        parameter.name: with_unit(entry.parameters[key], entry.sigma.get(key), parameter.unit)
+        parameter: with_unit(entry.parameters[key], entry.sigma.get(key), parameter.unit)
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
         if key in entry.parameters
     }
 
 
-def _claim(added: Sequence[Effect], numbers: Mapping[str, str]) -> str:
+def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str]) -> str:
     """The sentence of the effect that was added; nothing where several were."""
     if len(added) != 1 or not (sentence := added[0].about.claim):
         return ""
-    words = {p.name: numbers.get(p.name, "0") for p in added[0].parameters}
+    words = {p.name: numbers.get(p, "0") for p in added[0].parameters}
     return _capital(sentence.format(place=added[0].place_in_words, **words))
 
 

@@ -124,7 +124,7 @@ class Hysteresis(JointEffect, LinearEffect):
         if excitation.poses.direction is None:
             return "the order of measurement is not known"
         if excitation.reversals(self.joint) < FEW_REVERSALS:
-            return "it (nearly) never reverses: the side that it comes from cannot be told from its angle or time"
+            return "the joint hardly ever reverses, so its direction of approach looks like its angle or the time"
         return None
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:

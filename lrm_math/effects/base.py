@@ -94,6 +94,11 @@ class Parameter:
         return max(units, key=len)
 
     @property
+    def symbol(self) -> str:
+        """The name without its unit."""
+        return self.name.removesuffix(f"_{self.unit}")
+
+    @property
     def si(self) -> float:
         """Factor from the file's unit to SI."""
         return UNIT_IN_SI[self.unit]
@@ -330,7 +335,7 @@ class AngleDependentEffect(JointEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at three or more angles."""
         levels = excitation.levels(self.joint)
-        return None if levels >= 3 else f"it stands at {levels} levels only"
+        return None if levels >= 3 else f"it was measured at {levels} angles only"
 
 
 class LoadedJointEffect(JointEffect):

@@ -125,7 +125,7 @@ class ServoDroop(PlainSpring, LoadedJointEffect):
         formula="δq = k τ, before the encoder; `compliance` is what gives way behind it",
         source="static error of proportional control (Franklin, Powell & Emami-Naeini, section 4.2)",
         claim="the servo of {place} yields by {k_rad_per_Nm} before its encoder",
-        needs="joint feedback (q1_meas_deg …); without it, it is the same as compliance",
+        needs="joint feedback (q1_meas_deg …)",
     )
     parameters = (Parameter("k_rad_per_Nm", "compliance of the servo's control", 0.1, lower=0.0),)
 
@@ -143,7 +143,7 @@ class ServoDroop(PlainSpring, LoadedJointEffect):
         """The joint's encoder must have been read."""
         if "feedback" in excitation.measured:
             return None
-        return "without joint feedback (q1_meas_deg …) it is the same as the joint's compliance: one class"
+        return "without joint feedback it is indistinguishable from the joint's compliance"
 
 
 BEND_POINT = Parameter(

@@ -186,7 +186,7 @@ class CableCurve(LinearEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Both joints must move."""
         still = [joint for joint in self._pair if excitation.levels(joint) < 3]
-        return f"joint {still[0] + 1} stands at {excitation.levels(still[0])} levels only" if still else None
+        return f"joint {still[0] + 1} was measured at {excitation.levels(still[0])} angles only" if still else None
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """Minus the B-splines of the sum on both; minus those of the difference on the first, plus on the second."""
@@ -199,4 +199,4 @@ class CableCurve(LinearEffect):
 
 def _too_few_levels(excitation: Excitation, joint: int, name: str, needed: int) -> str | None:
     levels = excitation.levels(joint)
-    return None if levels >= needed else f"{name} stands at {levels} levels only"
+    return None if levels >= needed else f"{name} was measured at {levels} angles only"

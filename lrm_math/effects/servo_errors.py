@@ -162,7 +162,7 @@ class TransmissionRipple(AngleDependentEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at many angles."""
         levels = excitation.levels(self.joint)
-        return None if levels >= FEWEST_ANGLES else f"it stands at {levels} levels only"
+        return None if levels >= FEWEST_ANGLES else f"it was measured at {levels} angles only"
 
 
 class CoupledJoints(Effect):

@@ -22,6 +22,8 @@ OVERLAPS = """() => {
   for (const plot of document.querySelectorAll(".js-plotly-plot")) {
     plot.id = plot.id || "plot";
     check(boxes(`#${plot.id} :is(.xtick, .ytick, .xtitle, .ytitle, .legendtext, .gtitle)`));
+    const [legend, drawn] = [".legend", ".nsewdrag"].map((one) => plot.querySelector(one)?.getBoundingClientRect());
+    if (legend?.height && drawn && !apart(legend, drawn)) found.push(`${plot.id}: the legend lies over the points`);
   }
   return found;
 }"""

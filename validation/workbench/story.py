@@ -22,6 +22,8 @@ from validation.workbench.tutorial_pictures import RANKED
 PICTURES = ROOT / "docs" / "pictures"
 VIEW, WIDTH, COLOURS, MOST_BYTES = {"width": 1280, "height": 720}, 860, 96, 2_000_000
 HOLD_MS, TURN_MS = 2600, 160
+RARE = Image.Quantize.MAXCOVERAGE
+"""Keeps colours of few px: what is wrong in a sketch is orange."""
 CAPTION = """(words) => {
   const bar = document.getElementById("story") || document.body.appendChild(document.createElement("div"));
   bar.id = "story"; bar.textContent = words;
@@ -44,7 +46,7 @@ def main() -> None:
         frames = list(_frames(page))
         card = _card(browser, frames[0][0])
     _write_gif(PICTURES / "story.gif", frames)
-    Image.open(io.BytesIO(card)).convert("RGB").quantize(128).save(PICTURES / "social-card.png", optimize=True)
+    Image.open(io.BytesIO(card)).convert("RGB").quantize(128, RARE).save(PICTURES / "social-card.png", optimize=True)
     for name in ("story.gif", "social-card.png"):
         print(f"{name}: {(PICTURES / name).stat().st_size / 1e3:.0f} kB")
 
@@ -94,7 +96,7 @@ def _write_gif(path: Path, frames: list[tuple[bytes, int]]) -> None:
     """Raises `SystemExit` if it would be too large to load."""
     pictures = [Image.open(io.BytesIO(shot)).convert("RGB") for shot, _ in frames]
     height = round(WIDTH * pictures[0].height / pictures[0].width)
-    palette = pictures[-1].quantize(COLOURS)
+    palette = pictures[-1].quantize(COLOURS, RARE)
     small = [one.resize((WIDTH, height), Image.Resampling.LANCZOS) for one in pictures]
     flat = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in small]
     flat[0].save(path, save_all=True, append_images=flat[1:], duration=[ms for _, ms in frames], loop=0, optimize=True)

@@ -157,5 +157,5 @@ def shifted_sentence(rows: ShiftedRows) -> str:
 
 def arrows_caption(scale: ArrowScale) -> str:
     """Caption of a picture of the errors."""
-    enlarged = f"{scale.magnification:g} times enlarged, colours to {scale.largest * 1e3:g} mm"
-    return f"Dots: measured positions of the tip. Arrows: measured minus predicted, {enlarged}, alike in all steps."
+    arrows = f"Arrows: measured minus predicted, {scale.magnification:g} times enlarged"
+    return f"Dots: measured positions of the tip. {arrows}; colours and lengths mean the same in all steps."

@@ -147,7 +147,7 @@ TOUR = (
     (
         "panel-story",
         "press Add",
-        "Press Add, beside the verdict: everything is refitted with the effect. The error falls, the arrows shrink, "
+        "Press Add, at the top: everything is refitted with the effect. The error falls, the arrows shrink, "
         "on the same scale. Undo takes the step back exactly; press a step to see it again.",
     ),
     (

@@ -82,5 +82,5 @@ class Slip(EffectWithMemory, JointEffect):
         if excitation.poses.history is None:
             return "the order of measurement is not known"
         if excitation.reversals(self.joint) < FEW_REVERSALS:
-            return "it (nearly) never reverses"
+            return "the joint hardly ever reverses"
         return None

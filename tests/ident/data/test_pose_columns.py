@@ -210,7 +210,7 @@ def test_droop_and_flex_are_told_apart_by_joint_feedback(so101: Arm) -> None:
     unseen = diagnose(fitted(start, blind).model, blind)
     reasons = {effect.name: reason for effect, reason in unseen.not_testable}
     assert reasons["servo_droop@joint2"].kind is ReasonKind.POSES
-    assert "one class" in reasons["servo_droop@joint2"].said
+    assert "indistinguishable" in reasons["servo_droop@joint2"].said
     assert not unseen.supported
     both = model_of(so101, (*start.effects, *effects_at(so101, "servo_droop@joint2")))
     found = fitted(both, data)

@@ -42,6 +42,7 @@ def test_a_fall_shows_what_lies_between(before: float, after: float) -> None:
     (0.0000131, 0.0000004, "0.00001310 ± 0.00000040"),
     (2.66667, 0.0926, "2.667 ± 0.093"),
     (1.0, 4.96e11, "1 ± unknown"),
+    (-0.001, 0.18, "0.00 ± 0.18"),
     (3.0, float("nan"), "3 ± unknown"),
 ])  # fmt: skip
 def test_quantities(value: float, error: float, shown: str) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 import lrm_ident as lrm
 from lrm_ident.report.model_report import quick_report, with_diagnosis
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.workbench.html_report import html_report
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
@@ -35,6 +36,8 @@ def cards(browser: Any, model: Path, text: str, diagnosis: lrm.DiagnosisReport) 
     assert page.evaluate("lrm.state.candidate") is None
     assert page.input_value("#lrm-joint") == str(where["joint"]), "it opens on what shows most"
     assert page.input_value("#lrm-driver") == where["driver"]
+    ratios = page.evaluate("lrm.state.values.cards.map((one) => one.ratio)")
+    assert all(one is None or one > MAX_UNEXPLAINED_RATIO for one in ratios), "named only where it is the reason"
     found = page.eval_on_selector_all("#lrm-cards > *", "(all) => all.map((one) => one.innerText)")
     page.close()
     return [str(one) for one in found]

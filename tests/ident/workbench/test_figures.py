@@ -220,12 +220,24 @@ def test_every_effect_has_a_plain_name() -> None:
     assert plain_name("my_own@tool") == "my own of tool"
 
 
+@pytest.mark.long
+def test_estimates_are_named_without_the_unit_of_the_file(
+    better_study: lrm.Study, example_diagnosis: lrm.DiagnosisReport
+) -> None:
+    """The file's `b_rad` is shown in degrees."""
+    found = with_diagnosis(quick_report(better_study), example_diagnosis)
+    for backlash, *others in (found.cards[0].estimates, found.candidates[0]["estimates"]):
+        assert re.fullmatch(r"b = 2\.2\d+ ± 0\.02\d*°", backlash)
+        assert all("_" not in one for one in others)
+
+
 def test_blocks_as_html_are_escaped_and_whole() -> None:
     table = ResultTable(("name", "value|.1f"), [("<b>", 1.25)], "a & b")
     html = blocks_html([heading("Verdict <x>"), "text & more", table, ListSection("list", tuple("abcdefgh"))])
     assert "<h3>Verdict &lt;x&gt;</h3>" in html
     assert '<td class="right">1.2</td>' in html
     assert html.count("<li>") == 8
+    assert "<h3>list</h3>" in html, "of the same order as another heading"
     assert "2 more" in html
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
+from lrm_ident.report.plain_names import WORDS
 from tests.support.browser import RunningWorkbench, idle, opened, press, settle, wait_for
 from tests.support.commands import part_of_example, stdout_of
 from tests.support.geometry import faults_of_geometry
@@ -19,6 +20,39 @@ WIDTHS = (390, 1024, 1440) if in_soak() else (390, 1440)
 EFFECTS = ("backlash@joint2", "cable_curve@joint1+joint2", "hysteresis@joint3", "base_curve@base")
 """Of one joint, of two, of a direction, of the base."""
 
+SKETCHES = """(kinds) => {
+  const box = document.body.appendChild(document.createElement("div")), hidden = [];
+  const along = (path) => Array.from({ length: 41 }, (_, k) => path.getPointAtLength(k * path.getTotalLength() / 40));
+  const apart = (p, q) => Math.hypot(p.x - q.x, p.y - q.y);
+  for (const kind of kinds) {
+    box.innerHTML = lrmSketch(kind);
+    const of = (name) => [...box.querySelectorAll(name)], wrong = of(".wrong"), filled = of("circle");
+    const covered = (p) => filled.some((one) =>
+      apart(p, { x: one.cx.baseVal.value, y: one.cy.baseVal.value }) < one.r.baseVal.value);
+    const seen = wrong.filter((path) => along(path).some((p) => !covered(p)));
+    if (!wrong.length || seen.length < wrong.length) hidden.push(`${kind}: what is wrong is covered`);
+    const lines = wrong.flatMap(along);
+    for (const path of of(".dashed")) {
+      if (Math.max(...along(path).map((p) => Math.min(...lines.map((q) => apart(p, q))))) < 6) {
+        hidden.push(`${kind}: as it should be, and as it is, look alike`);
+      }
+    }
+  }
+  box.remove();
+  return hidden;
+}"""
+SKETCH_KINDS = sorted({kind for row in WORDS.values() if (kind := row.get("sketch", ""))})
+"""Of every sketch: whether what is wrong in it is seen, and beside what should be."""
+COLOURS_OF_STEPS = """[...document.querySelectorAll('.lrm-card-of-step')].map((card, k) => {
+  const bar = document.querySelector(`.lrm-fall-row:has([data-step="${k + 1}"])`);
+  return [getComputedStyle(card).borderLeftColor, getComputedStyle(bar).color];
+})"""
+PRINTED = """(() => {
+  const seen = [...document.querySelectorAll(".lrm-fold > summary h2")].filter((one) => one.checkVisibility());
+  const bar = getComputedStyle(document.querySelector(".lrm-bar"));
+  const kept = [...seen.map((one) => one.parentElement), document.getElementById("lrm-effect-note")];
+  return [seen.length, bar.printColorAdjust, kept.every((one) => getComputedStyle(one).breakAfter === "avoid")];
+})()"""
 NO_WIDER = "document.documentElement.scrollWidth <= innerWidth"
 FIELD = "(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)"
 TITLE = """(() => {
@@ -54,6 +88,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> None:
     """The axis is that of the effect's law, before and after are seen to differ, every step has a sketch."""
     page = browser.new_context(viewport={"width": 1440, "height": 844}, color_scheme="light").new_page()
+    page.goto(report.as_uri())
+    page.wait_for_selector("#lrm-turn .main-svg")
+    page.set_viewport_size({"width": 500, "height": 844})  # a window that is made narrower, a phone that is turned
+    settle(page, SETTLED_MS)
+    assert faults_of_geometry(page) == [], "resized"
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 844})
         page.goto(report.as_uri())
@@ -74,9 +113,17 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
     assert drivers["hysteresis@joint3"] == "last motion of joint 3"
     assert drivers["cable_curve@joint1+joint2"] in ("angle of joint 1", "angle of joint 2")
     assert len(page.query_selector_all(".lrm-card-of-step .lrm-sketch svg")) == len(EFFECTS)
+    assert page.evaluate(SKETCHES, SKETCH_KINDS) == []
+    for card, bar in page.evaluate(COLOURS_OF_STEPS):
+        assert card == bar, "a card has the colour of its step"
+    page.emulate_media(media="print")
+    page.evaluate("lrm.print(true)")
+    assert page.evaluate(PRINTED) == [5, "exact", True], "tables keep their headings, bars are printed"
+    page.evaluate("lrm.print(false)")
+    page.emulate_media(media="screen")
     assert page.inner_text("#lrm-fall").startswith("nominal "), "never the last, smallest step"
     assert page.evaluate("lrm.state.beside") == 0
-    for words in ("measured minus predicted", "Solid arm: the model", "Outline: the nominal arm"):
+    for words in ("measured minus predicted", "Solid arm: the model", "Outline and dashed line: the nominal arm"):
         assert words in page.inner_text("#lrm-scale"), "the picture says what it shows"
     captions = page.evaluate("[...document.querySelectorAll('.lrm-numbers caption')].map((one) => one.textContent)")
     assert len({*captions}) == len(captions), "no table stands twice"

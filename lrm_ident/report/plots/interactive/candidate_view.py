@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
-from lrm_ident.report.text.claims import DISPLAY_UNITS
+from lrm_ident.report.text.claims import DISPLAY_UNITS, with_unit
 from lrm_ident.report.text.reasons import reason_words
 from lrm_ident.report.text.variables import function_name, variable_name
 from lrm_ident.residual.covariates import Covariate, scaled
@@ -78,6 +78,7 @@ def candidate_view(
     drivers = _drivers(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, lawful, joints)
+    parameters = {one.name: one for one in scored.candidate.effect.parameters}
     about, function = scored.candidate.effect.about, found.unexplained.spurious.get(scored.name)
     resembles = "" if function is None else function_name(function)
     refused = reason_words(scored.implausible) if scored.implausible else resembles
@@ -94,6 +95,10 @@ def candidate_view(
         "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
         "size": _size(scored),
+        "estimates": [
+            f"{parameters[name].symbol} = {with_unit(value, error, parameters[name].unit)}"
+            for name, value, error in ranked.estimates
+        ],
     }
 
 

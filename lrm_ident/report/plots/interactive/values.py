@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words, quantity
-from lrm_ident.diagnosis.attribution import StepAttribution, term_of
+from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words
+from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES
 from lrm_ident.report.document import plain
@@ -24,7 +25,7 @@ from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
-from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects.reference import EffectRef
 from lrm_math.model.step_name import FIT
@@ -42,6 +43,8 @@ STANDINGS = {
     "refused": "✕ cannot be the cause",
 }
 """What is to be made of a candidate, in the order of the list."""
+UNKNOWN = "–"
+"""For an error that is not known."""
 
 
 def figure_values(found: ModelReport) -> dict[str, Any]:
@@ -137,8 +140,9 @@ def _card(
 ) -> dict[str, Any]:
     """A card with the errors of its step, and what that shows: an identified cause, a candidate, or none."""
     kind, floor, before, after = None if shown is None else shown.kind, found.floor_mm, fall.before_rms_mm, fall.rms_mm
+    weighted = found.poses.several_kinds
     excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
-    known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
+    ratio = None if shown is None or found.diagnosis is None else unexplained_ratio(fall.explained, shown.unexplained)
     own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
     return {
         **own,
@@ -150,11 +154,11 @@ def _card(
         "share": None if excess is None else min(max(excess, 0.0), 1.0),
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
-        "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
-        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card)],
+        "ratio": ratio if ratio is not None and MAX_UNEXPLAINED_RATIO < ratio < math.inf else None,
+        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, weighted)],
         "equivalent": [plain_name(name) for name in card.evidence.equivalent],
         "asked": card.evidence.rivals is not None,
-        "unrivalled": kind == "finding" and held_out and card.unrivalled(after),
+        "unrivalled": kind == "finding" and held_out and not weighted and card.unrivalled(after),
     }
 
 
@@ -197,9 +201,9 @@ def _gain(advice: Mapping[str, Any], weighted: bool) -> float | None:
 
 
 def _held(advice: Mapping[str, Any], weighted: bool) -> str:
-    """A held-out error in mm; ≈ if not refitted, then of all that was measured where that is more than positions."""
+    """A held-out error in mm; ≈ if not refitted, and none where more than positions was measured."""
     value = in_mm(advice["held_out_rms_mm"] * 1e-3)
-    return value if not advice["approximate"] else f"≈ {value} {'(all, weighted)' if weighted else ''}".rstrip()
+    return value if not advice["approximate"] else UNKNOWN if weighted else f"≈ {value}"
 
 
 def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str, weighted: bool) -> dict[str, Any]:
@@ -216,8 +220,4 @@ def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str
         "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),
-        "estimates": [
-            f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
-            for key, one in advice["parameters"].items()
-        ],
     }

@@ -73,11 +73,11 @@ function lrmCandidates(page) {
 
   function drawRanking(choose) {
     const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
-    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"),
-      ...some((one) => one.gain !== null, "bar: what it takes away")];
+    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"), ...some((one) => one.held === "–", "– not refitted"),
+      ...some((one) => one.gain !== null, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
     lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
-    const known = v.ranking.filter((one) => one.gain !== null), above = (one) => v.floor === null ? 0 : one.heldOut + one.gain - v.floor;
+    const known = v.ranking.filter((one) => one.gain !== null), above = (one) => one.heldOut + one.gain - (v.floor ?? 0);
     const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
     const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" data-name="${one.name}" title="${one.mark}">
         <input type="radio" name="lrm-candidate" value="${one.name}"${one.name === state.candidate ? lrmHtml` checked` : ""}>

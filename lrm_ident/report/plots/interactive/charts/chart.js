@@ -1,7 +1,7 @@
 // What all flat charts share: colours of the page's style, Plotly's layout and buttons, means and ranges of points.
 "use strict";
 const lrmChart = (() => {
-  const BINS = 12;
+  const BINS = 12, SETTLED_MS = 200;
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 
   function layout(extra) {
@@ -19,7 +19,7 @@ const lrmChart = (() => {
   // Marks at points, and a line through points, as Plotly takes them; an axis with a title.
   const dots = (name, x, y, marker, more) => ({ type: "scatter", mode: "markers", name, x, y, marker: { size: 5, ...marker }, ...more });
   const line = (name, x, y, ink, more) => ({ type: "scatter", mode: "lines", name, x, y, line: ink, hoverinfo: "skip", ...more });
-  const titled = (text, more) => ({ title: { text, standoff: 4 }, ...more });
+  const titled = (text, more) => ({ title: { text, standoff: 4, font: { size: 12 } }, ...more });
   // An upright line across a chart, and an axis of names from above to below.
   const upright = (x, ink) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: ink });
   const named = (names) => ({ range: [names.length - 0.5, -0.5], tickmode: "array", tickvals: names.map((_, k) => k), ticktext: names, zeroline: false });
@@ -73,6 +73,12 @@ const lrmChart = (() => {
       Plotly.redraw(figure); // the legend's rows changed with the width, and with them the room above the chart
     }
   }
+
+  let resized = 0;
+  addEventListener("resize", () => {
+    clearTimeout(resized);
+    if (window.Plotly && !document.documentElement.classList.contains("lrm-paper")) resized = setTimeout(fit, SETTLED_MS, false);
+  });
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: [["zoom2d", "select2d", "resetScale2d"]] };
   return { colour, dots, line, titled, upright, named, draw, at, binned, range, fit };

@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, fill, draw, words } = page;
-  const { colour, binned, at, dots, line } = lrmChart;
+  const { colour, binned, at, dots, line, titled } = lrmChart;
   const plural = (count, word) => `${count} ${word}${count > 1 ? "s" : ""}`;
 
   // The candidate that the verdict names, if it is a cause: what has none has no picture of one.
@@ -77,10 +77,10 @@ function lrmSteps(page) {
   function article(card) {
     const fall = `${card.fall} mm`.replaceAll(" ", "\u00a0"), one = card.equivalent.length ? "If it is this one: " : "";
     const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
-    const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${words(card.ratio)} times as much squared error stays unexplained, so another cause may stand behind it.`;
+    const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${Number(card.ratio.toPrecision(2))} times as much squared error stays unexplained, so another cause may stand behind it.`;
     const rivals = lrmHtml`<h4>${card.equivalent.length ? "What else it could be" : "The other candidates"}, and what each alone would have left</h4>
       <ul>${card.rivals.map((rival) => lrmHtml`<li>${rival.title} (${rival.name}): ${rival.why}</li>`)}</ul>`;
-    return lrmHtml`<article class="lrm-card-of-step"><h3>${card.number}. ${named(card)}: ${fall}${card.label ? lrmHtml` <span class="lrm-label lrm-shows-${card.shows}">${card.label}</span>` : ""}</h3>
+    return lrmHtml`<article class="lrm-card-of-step lrm-shows-${card.shows}"><h3>${card.number}. ${named(card)}: ${fall}${card.label ? lrmHtml` <span class="lrm-label">${card.label}</span>` : ""}</h3>
       <div class="lrm-card-says">${lrmSketch(card.sketch)}
         <p>${card.claim ? `${one}${card.claim}. ` : ""}RMS error ${card.held_out ? state.values.unseen : "on these data"}: ${fall}${share}.${left}</p>
         ${card.unrivalled ? lrmHtml`<p>No other effect explained it as well.</p>` : ""}
@@ -98,13 +98,12 @@ function lrmSteps(page) {
     const points = (name, y, color, symbol) => dots(name, x, at(y, rows), { symbol, color, opacity: 0.35 }, { hoverinfo: "skip" });
     const mean = (name, y, color, more) => ({ ...line(name, x, y, { color, width: 3 }), mode: "lines+markers", ...binned(x, at(y, rows)),
       marker: { size: 6, symbol: "square" }, ...more });
-    const small = (text) => ({ title: { text, standoff: 4, font: { size: 12 } } });
     const traces = [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"), { fill: "tonexty", fillcolor: colour("bar") })];
     const means = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
     const most = Math.max(2.2 * Math.max(...means), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
-    draw("card-" + card.number, traces, { dragmode: false, xaxis: small(driver.label + (beyond ? `<br>${beyond} points are beyond` : "")),
-      yaxis: { ...small(`turn of joint ${card.joint + 1}, deg`), range: [-most, most] } });
+    draw("card-" + card.number, traces, { dragmode: false, xaxis: titled(driver.label + (beyond ? `<br>not shown: ${plural(beyond, "point")} beyond` : "")),
+      yaxis: titled(`turn of joint ${card.joint + 1}, deg`, { range: [-most, most] }) });
   }
 
   return { tellFall, tellVerdict, drawCards };

@@ -10,7 +10,7 @@ function lrmField(page) {
     document.documentElement.classList.toggle("lrm-beside", both);
     drawStep("field", both ? Math.min(state.step, state.beside) : state.step, !both); // before left, after right
     if (both) drawStep("field-b", Math.max(state.step, state.beside), true);
-    place("scale").textContent = v.scale.words + " Solid arm: the model at the ringed pose. Outline: the nominal arm." +
+    place("scale").textContent = v.scale.words + " Solid arm: the model at the ringed pose. Outline and dashed line: the nominal arm." +
       (v.solids.shaped ? "" : " Links are drawn as tubes: the arm's file has no shapes.");
   }
 
