@@ -128,7 +128,7 @@ class StaleDecisions(RuleBasedStateMachine):
             case "reset":
                 return ResetRequest(lease=token)
             case "jog":
-                return JogRequest(lease=token, rate_rad_per_s={step.joint: 0.2})
+                return JogRequest(lease=token, rate_rad_per_s={step.joint: step.q / 5})
         return MoveRequest(lease=token, waypoints=[{step.joint: step.q}, {step.joint: 0.0}])
 
     @rule(event=st.sampled_from(EVENTS), ticks=st.integers(1, 200))
