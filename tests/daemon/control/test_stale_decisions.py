@@ -21,7 +21,7 @@ from hypothesis.stateful import (
 )
 
 from lrm_math.errors import LrmError
-from lrmd.config import Config
+from lrmd.config import SECOND, Config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.messages.codec import Message
@@ -64,7 +64,10 @@ KINDS = [
     "given", "given", "stored", "board", "hold", "relax", "relax one", "relax one", "disarm", "reset", "move", "jog",
 ]  # fmt: skip
 STEPS = st.lists(st.builds(Step, st.sampled_from(KINDS), JOINT, ANGLE, LONG, LONG, SHORT), min_size=2, max_size=5)
-EVENTS = ["ramp killed", "ramp stopped", "brown-out", "unplugged", "api stopped", "estop", "estop, reset", "release"]
+EVENTS = [
+    "ramp killed", "ramp stopped", "brown-out", "unplugged", "api stopped", "estop", "estop, reset", "release",
+    "daemon killed", "daemon killed",
+]  # fmt: skip
 
 
 class StaleDecisions(RuleBasedStateMachine):
@@ -139,6 +142,9 @@ class StaleDecisions(RuleBasedStateMachine):
                 sim.restart_ramp()
             case "ramp stopped":
                 sim.stop_ramp(ticks * sim.config.tick)
+            case "daemon killed":
+                sim.restart(ticks * sim.config.tick if ticks % 2 else 2 * SECOND)
+                sim.run(ticks % 30)
             case "brown-out":
                 sim.board.power_cycle(sim.now)
                 sim.outputs = sim._pulses()

@@ -7,12 +7,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lrmd.api.children import board_settings
+from lrmd.control.requests import Controller
 from lrmd.control.state import RequestResult
 from lrmd.messages.codec import Message
-from lrmd.messages.control import ArmRequest, DisarmRequest, JogRequest, MoveRequest, RelaxRequest
-from lrmd.ramp.core import API_TIMEOUT
+from lrmd.messages.control import (
+    ArmRequest,
+    DisarmRequest,
+    JogRequest,
+    MotionRequest,
+    MoveRequest,
+    PayloadRequest,
+    RelaxRequest,
+)
+from lrmd.persistence.state_file import StoredState
+from lrmd.ramp.core import API_TIMEOUT, RampCore
 from lrmd.ramp.shared_memory import HOLD_PULSE
-from tests.support.daemon.in_memory_daemon import CYCLE, SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import CYCLE, WALL, SimulatedDaemon
 
 
 @dataclass
@@ -24,7 +35,8 @@ class UnpunctualDaemon(SimulatedDaemon):
     - a pulse changes only by an order of a motion that was asked for, made after the last fault of the ramp;
     - no pulse changes when no lease was valid for as long as the ramp goes on without its parent.
 
-    `named`: pulses (s) by servo; `motions`: numbers of the orders; `last`: pulses (s) that the chip had last.
+    `named`: pulses (s) by servo; `motions`: numbers of the orders; `last`: pulses (s) that the chip had last. `kept`:
+    the state file, as of the last cycle; its pose is taken back before a request that may leave it.
     """
 
     named: dict[int, float] = field(default_factory=dict)
@@ -33,10 +45,13 @@ class UnpunctualDaemon(SimulatedDaemon):
     barred: int = -1
     faults: int = 0
     leased_at: int = 0
+    kept: StoredState | None = None
 
     def ask(self, request: Message, undecided: int = 0, unwritten: int = 0) -> RequestResult:
         """Carries out a request by the newest report, as the API process does it; it is stopped for some ticks after
         the decision, and for some before its order is written. Raises `LrmError`."""
+        if self.kept is not None and isinstance(request, MotionRequest | PayloadRequest):
+            self.kept = self.kept.model_copy(update={"still": False})
         self.core.observe(self.report, self.now)
         result = self.core.handle(request, self.now)
         self._note(request)
@@ -51,6 +66,16 @@ class UnpunctualDaemon(SimulatedDaemon):
         before, self.api_stopped = self.api_stopped, True
         self.run(ticks)
         self.api_stopped = before
+
+    def restart(self, ns: int) -> None:
+        """kill -9 of the daemon; the next one begins after a while, with the state file and the same board."""
+        self.stop_ramp(ns)
+        self.core = Controller(self.config, lambda *_: self.torque, self.kept, lambda *_: None, self.now, WALL)
+        self.ramp, self.order, self.held_out = RampCore(board_settings(self.config)), None, b""
+        self.report = self._report()
+        self.motions.clear()
+        self.named.clear()
+        self.faults, self.barred = self.ramp.fault_count, -1
 
     def _note(self, request: Message) -> None:
         servos = self.config.servos
@@ -77,6 +102,7 @@ class UnpunctualDaemon(SimulatedDaemon):
     def cycle(self) -> None:
         before = self.core.order
         super().cycle()
+        self.kept = self.core.stored = self.core.saved(WALL)
         goes_on = before.number in self.motions and any(p != HOLD_PULSE for p in self.core.order.target)
         if goes_on and self.core.order.outputs:
             self.motions.add(self.core.order.number)
