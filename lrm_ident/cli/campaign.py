@@ -169,8 +169,8 @@ def photo_poses(
     """Drives an arm through poses, a photo taken at each; `driven`: gets the angles commanded. Raises `LrmError`."""
     from lrm_ident.measuring.campaign.photo_poses import PhotoCampaign, PhotographedPoses
     from lrm_ident.measuring.campaign.plan import lightest, load_plan
+    from lrm_ident.measuring.campaign.real_clock import RealClock
     from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import RealClock
 
     with access.connection(arm, "lrm-ident camera read") as link:
         plan = load_plan(plan_file, link.arm)
@@ -256,8 +256,9 @@ def verify(
     Uses the daemon's model, or --model with LeRobot or bare servos. Prints the measured error beside the predicted
     one: rounding to counts, the uncertainty of the model, and the error that it left at the poses of its fit.
     """
+    from lrm_ident.measuring.campaign.real_clock import RealClock
     from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import RealClock, connected
+    from lrm_ident.measuring.campaign.session import connected
     from lrm_ident.measuring.verification.goal_run import GoalRun
     from lrm_ident.measuring.verification.goals import goals_named
     from lrm_ident.measuring.verification.report import read_verification, verification_document

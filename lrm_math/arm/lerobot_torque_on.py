@@ -2,29 +2,34 @@
 
 LeRobot switches torque on with the goal that is in each motor: Feetech firmware that keeps an old one turns there at
 full speed (Dynamixel's takes the present place). And while it connects it takes the torque from all motors for a
-moment, in which an arm that holds would fall.
+moment, in which an arm that holds would fall. A Feetech motor whose supply was off has fallen, and switches its torque
+on by itself when it gets a goal (huggingface/lerobot issue 3585).
 """
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from typing import Any
 
 from lrm_math.arm.servo_goal import standing_goal
+from lrm_math.errors import LrmError
 
 LOGGER = logging.getLogger(__name__)
-TORQUE, MODE, TO_ANGLES = "Torque_Enable", "Operating_Mode", 0
+TORQUE, GOAL, MODE, TO_ANGLES = "Torque_Enable", "Goal_Position", "Operating_Mode", 0
 PLACE = ("Present_Position", "Min_Position_Limit", "Max_Position_Limit")
-FEETECH = {"Goal_Position", "Lock", MODE, *PLACE}
+FEETECH = {GOAL, "Lock", MODE, *PLACE}
 """Registers that a Feetech motor has; Dynamixel's have no lock."""
 HOLDS = "%s holds already: its motors keep torque and settings; to have them set anew, switch their supply off and on"
 
 
 def torque_on_where_they_stand(robot: Any) -> None:
-    """Lets a robot's bus tell each motor its place as its goal before torque, and leaves an arm that holds as it is.
+    """Lets a robot's bus tell each motor its place as its goal before torque, leaves an arm that holds as it is, and
+    sends goals to motors with torque only.
 
     `bus.enable_torque` then raises `LrmError`, before any motor has torque, where one stands beyond its own limits
-    (`standing_goal`). Robots without a bus of motors with registers are left as they are.
+    (`standing_goal`), and `bus.sync_write` of goals where one has lost its torque. Robots without a bus of motors with
+    registers are left as they are.
     """
     bus = getattr(robot, "bus", None)
     tables = getattr(bus, "model_ctrl_table", None)
@@ -34,10 +39,10 @@ def torque_on_where_they_stand(robot: Any) -> None:
 
     def enabled(motors: Any = None, num_retry: int = 0) -> None:
         names = [motors] if isinstance(motors, str) else list(bus.motors if motors is None else motors)
-        own = [name for name in names if tables[bus.motors[name].model].keys() >= FEETECH]
+        own = _feetech(bus, names)
         to_angles = [name for name in own if bus.read(MODE, name, normalize=False) == TO_ANGLES]
         for name, goal in {name: _goal(bus, name) for name in to_angles}.items():
-            bus.write("Goal_Position", name, goal, normalize=False, num_retry=num_retry)
+            bus.write(GOAL, name, goal, normalize=False, num_retry=num_retry)
         enable(motors, num_retry=num_retry)
 
     def configured() -> None:
@@ -50,6 +55,26 @@ def torque_on_where_they_stand(robot: Any) -> None:
             configure()
 
     bus.enable_torque, robot.configure = enabled, configured
+    if getattr(bus, "protocol_version", 0) == 0:  # LeRobot reads motors of the other one after the other
+        _goals_with_torque(bus)
+
+
+def _goals_with_torque(bus: Any) -> None:
+    write = bus.sync_write
+
+    def written(data_name: str, values: Any, *arguments: Any, **named: Any) -> None:
+        if data_name == GOAL and (own := _feetech(bus, bus.motors if not isinstance(values, dict) else values)):
+            torques = bus.sync_read(TORQUE, own, normalize=False)
+            if limp := [name for name in own if not torques[name]]:
+                what = f"{', '.join(limp)} lost torque: was the supply off?"
+                raise LrmError(f"{what} Nothing is sent. Look where the arm stands, and connect anew")
+        write(data_name, values, *arguments, **named)
+
+    bus.sync_write = written
+
+
+def _feetech(bus: Any, names: Iterable[str]) -> list[str]:
+    return [name for name in names if bus.model_ctrl_table[bus.motors[name].model].keys() >= FEETECH]
 
 
 def _goal(bus: Any, name: str) -> int:

@@ -32,6 +32,7 @@ from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Header, Message, error_reply, pack
 from lrmd.messages.control import (
+    ArmRequest,
     DeployRequest,
     HoldRequest,
     JogRequest,
@@ -246,7 +247,7 @@ class ApiProcess:
         self._save(now)
 
     def _write_order(self) -> None:
-        self._shared.write_order(self._controller.order)
+        self._shared.write_order(self._controller.order_at(time.monotonic_ns()))
         if (load := LoadRecord(self._controller.payload, *self._controller.load_at)) != self._load:
             self._load = load
             self._shared.write_load(load)
@@ -335,7 +336,7 @@ class ApiProcess:
             with self._lock:
                 return self._publisher.reloaded(tail, deployed)
         left = isinstance(request, MotionRequest | PayloadRequest) and self._leave_stored_pose(request)
-        if isinstance(request, MoveRequest | JogRequest):
+        if isinstance(request, MoveRequest | JogRequest | ArmRequest):
             self._shared.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()

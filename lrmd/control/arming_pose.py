@@ -35,7 +35,7 @@ class ArmingSituation:
     request: ArmRequest
     config: Config
     report: RampReport
-    stored: StoredState | None
+    stored: StoredState
     fallen: frozenset[str]
 
     @property
@@ -47,7 +47,7 @@ class ArmingSituation:
 
 
 def arming_pulses(
-    request: ArmRequest, config: Config, report: RampReport, stored: StoredState | None, fallen: Iterable[str]
+    request: ArmRequest, config: Config, report: RampReport, stored: StoredState, fallen: Iterable[str]
 ) -> dict[int, int]:
     """First pulse (ns) by number of every servo that the request switches on, at its present position.
 
@@ -74,7 +74,8 @@ def _nothing_to_take_over(a: ArmingSituation) -> dict[int, int]:
         "pose_needed",
         "the board has no pulses to take over. Say where the arm stands: where = 'given' with q_rad, or 'stored' "
         "if it has not been touched since the daemon left it",
-        stored_rad=stored_angles(a.config, a.stored), stored_still=bool(a.stored and a.stored.still and not a.fallen),
+        stored_rad=stored_angles(a.config, a.stored),
+        stored_still=bool(a.stored.pulse_ns and a.stored.still and not a.fallen),
     )  # fmt: skip
 
 
@@ -91,7 +92,7 @@ def _given(a: ArmingSituation) -> dict[int, int]:
 
 def _from_store(a: ArmingSituation) -> dict[int, int]:
     stored, names = a.stored, a.request.servos
-    if stored is None or not stored.pulse_ns:
+    if not stored.pulse_ns:
         raise RequestError("pose_needed", "no pose was stored yet; send it with where = 'given' and q_rad")
     if not stored.still:
         text = "the arm was moving when its pose was last stored; send it with where = 'given' and q_rad"

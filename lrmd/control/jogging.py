@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from lrm_math.errors import LrmError
 from lrmd.config import SECOND, Config
 from lrmd.control import thermal_protection
-from lrmd.control.ramp_orders import Departure, Jog, Leg, Pulses, armed_index
+from lrmd.control.ramp_orders import Jog, Leg, Pulses, armed_index
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import Trigger, next_mode
 from lrmd.errors import RequestError
@@ -48,21 +48,17 @@ def continue_jog(s: ControllerState, now: int) -> None:
     if not s.settled or 3 * s.report.remaining > 2 * ticks:
         return
     departure = s.orders.departure(s.report.remaining, s.report.remaining, s.position)
-    leg = _leg(s, jog.rates, departure.start, ticks - s.report.remaining)
-    if leg.move(departure.start).length:
-        _extend(s, jog, leg, departure, now)
-
-
-def _extend(s: ControllerState, jog: Jog, leg: Leg, departure: Departure, now: int) -> None:
     try:
+        leg = _leg(s, jog.rates, departure.start, ticks - s.report.remaining)
         s.motion_check.check_clearance(departure.start, [leg], s.payload)
     except LrmError as error:
         detail = error.detail if isinstance(error, RequestError) else {}
         s.emit("jog_stopped", "warning", str(error), **detail)
-        s.stop_motion(now, "a collision ahead")
+        s.stop_motion(now, "the jog may not go on")
         return
-    s.orders.start([leg], departure, now)
-    s.orders.jog = jog
+    if leg.move(departure.start).length:
+        s.orders.start([leg], departure, now)
+        s.orders.jog = jog
 
 
 def _leg(s: ControllerState, rates: Mapping[str, float], start: Pulses, ticks: int) -> Leg:

@@ -38,7 +38,7 @@ from lrmd.messages.kinematics import KinematicsRequest
 from lrmd.messages.skills import SenseCommand, SkillRequest
 from lrmd.messages.surroundings import contacts_of
 from lrmd.persistence.state_file import StoredState
-from lrmd.ramp.shared_memory import LinkState
+from lrmd.ramp.shared_memory import LinkState, RampOrder
 from lrmd.ramp.stepping import Move, Pace
 from lrmd.safety.collision_guard import CollisionGuard
 
@@ -88,7 +88,8 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
     if s.report.link is not LinkState.READY:
         why = s.port_trouble or s.board_trouble or f"link {s.report.link.name.lower()}"
         raise RequestError("link", f"the board is not ready ({why})", retryable=True)
-    first_pulses = arming_pulses(request, s.config, s.report, s.stored, s.fallen.names(s.fallen.bits))
+    s.check_settled()
+    first_pulses = arming_pulses(request, s.config, s.report, s.saved(0), s.fallen.names(s.fallen.bits))
     thermal_protection.check_arming(s, sorted(first_pulses))
     s.transition(Trigger.ARM, "arm", now)
     if request.where == "given":
@@ -171,12 +172,12 @@ def _relax(s: ControllerState, request: RelaxRequest, now: int) -> RequestResult
     if request.servos is not None and s.report.board_outputs & ~s.report.outputs:
         text = "the board is still pulsing others too; take its pose over with rpc/arm, where = 'board', or relax all"
         raise RequestError("still_pulsing", text)
-    remaining = s.report.outputs & ~sum({1 << s.config.index(name) for name in names})
+    remaining = s.outputs & ~sum({1 << s.config.index(name) for name in names})
     if remaining and s.mode not in LIVE:
         raise InvalidTransition(s.mode, Trigger.HOLD, s.why)
     s.transition(Trigger.HOLD if remaining else Trigger.RELAX, "relax", now)
     s.stops += 1
-    s.orders.stop(now, remaining)
+    s.stand(now, remaining)
     return RequestResult()
 
 
@@ -192,10 +193,10 @@ def _reset(s: ControllerState, _: ResetRequest, now: int) -> RequestResult:
         raise RequestError("link", "the board still does not answer", retryable=True)
     if s.mode is Mode.ESTOP and s.report.outputs:
         raise RequestError("busy", "the pulses are still being stopped", retryable=True)
-    s.transition(Trigger.RESET_OUTPUTS_ON if s.report.outputs else Trigger.RESET_OUTPUTS_OFF, "reset_fault", now)
+    s.transition(Trigger.RESET_OUTPUTS_ON if s.outputs else Trigger.RESET_OUTPUTS_OFF, "reset_fault", now)
     s.faults.clear()
-    if s.report.outputs:  # else there may be pulses that another ramp left: an order of none would let the arm fall
-        s.orders.stop(now, s.report.outputs)
+    if s.outputs:  # else there may be pulses that another ramp left: an order of none would let the arm fall
+        s.stand(now, s.outputs)
         thermal_protection.after_reset(s)
     return RequestResult()
 
@@ -294,6 +295,12 @@ class Controller(ControllerState):
         updates.tick(self, now)
         if self.skill is not None:
             self.skill.advance(self, now, self.handle)
+
+    def order_at(self, now: int) -> RampOrder:
+        """The order for the ramp, to be written now: since it was made, the lease of its client may have run out."""
+        updates.expire_lease(self, now)
+        self.orders.set_heartbeat(now)
+        return self.order
 
     def answer(self, number: int, reply: Header | LrmError, now: int) -> None:
         """Takes the answer to the question of the skill under way; any other is ignored."""

@@ -96,6 +96,7 @@ class SkillRun:
         feels = isinstance(self._step, SkillMotion) and self._step.sensed_by_touch and self._moving
         if command.what == "touch" and feels and s.mode is Mode.MOVING and not self._interrupted(s):
             s.hold(now, "something is touched")
+            s.held_at = now  # a hot arm waits, as after anybody's hold
             self._end(s, "touched_early", f"something was touched while {self.report.step}; the arm holds there")
 
     def _interrupted(self, s: ControllerState) -> tuple[Outcome, str] | None:

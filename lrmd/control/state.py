@@ -25,7 +25,7 @@ from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import FaultEntry
 from lrmd.persistence.state_file import HOTTEST, StoredState, arm_identity
-from lrmd.ramp.shared_memory import RampOrder, RampReport
+from lrmd.ramp.shared_memory import NONE, RampOrder, RampReport
 from lrmd.safety.collision_guard import CollisionGuard, Guard
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
@@ -159,10 +159,19 @@ class ControllerState:
         """Whether the ramp has read the newest order, so that it is known where the servos are, or will be."""
         return self.report.order == self.order.number
 
-    def departure(self) -> Departure:
-        """Departure of the next motion. Raises `RequestError` while the ramp has not read the newest order."""
+    @property
+    def outputs(self) -> int:
+        """Servos (bits) that have pulses, or will have them once the ramp has read the newest order."""
+        return self.report.outputs if self.settled else self.order.outputs
+
+    def check_settled(self) -> None:
+        """Raises `RequestError` while the ramp has not read the newest order."""
         if not self.settled:
             raise RequestError("busy", "the ramp has not read the last order yet; ask again", retryable=True)
+
+    def departure(self) -> Departure:
+        """Departure of the next motion. Raises `RequestError` while the ramp has not read the newest order."""
+        self.check_settled()
         remaining = self.report.remaining if self.orders.way.parts else 0
         return self.orders.departure(remaining, LEAD, self.position)
 
@@ -232,7 +241,14 @@ class ControllerState:
     def hold(self, now: int, why: str) -> None:
         """Stops the motion with the pulses on. Raises `InvalidTransition`."""
         self.transition(Trigger.HOLD, why, now)
-        self.orders.stop(now)
+        self.stand(now, self.outputs)
+
+    def stand(self, now: int, outputs: int) -> None:
+        """Orders the servos to stay where they are, with pulses for `outputs` (bits) of those that have them.
+
+        One that the ramp was ordered to switch on, and may not have read it yet, is switched on at its pose.
+        """
+        self.orders.stop(now, outputs, NONE if self.settled else self.order.pose)
 
     def stop_motion(self, now: int, why: str) -> None:
         """Holds if a client's motion is under way; a stationary arm keeps its mode, a hot one goes on to rest."""

@@ -130,7 +130,7 @@ def _order_dropped(s: ControllerState, report: RampReport, now: int) -> None:
 
 
 def tick(s: ControllerState, now: int) -> None:
-    """Checks the timeouts, continues arming, protects from heat, renews the heartbeat in the order."""
+    """Checks the timeouts, continues arming, ends pulses that are to be off, protects from heat."""
     expire_lease(s, now)
     drop_old_obstacles(s, now)
     jogging.continue_jog(s, now)
@@ -139,7 +139,14 @@ def tick(s: ControllerState, now: int) -> None:
     if s.thermal.due(now):
         thermal_protection.update(s, now)
     thermal_protection.protect(s, now)
-    s.orders.set_heartbeat(now)
+    end_pulses(s, now)
+
+
+def end_pulses(s: ControllerState, now: int) -> None:
+    """Orders all pulses off again, where a fault kept the ramp from that order."""
+    off = s.mode in (Mode.DISARMED, Mode.ESTOP) or not s.order.outputs
+    if off and s.report.outputs and s.settled and s.report.link is LinkState.READY:
+        s.orders.stop(now, 0)
 
 
 def expire_lease(s: ControllerState, now: int) -> None:

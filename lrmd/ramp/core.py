@@ -35,7 +35,7 @@ REPORTED = (
 )  # fmt: skip
 """Fields of the report that are attributes of the core."""
 API_TIMEOUT = 500_000_000
-"""ns without a heartbeat of the API process after which a move is frozen."""
+"""ns without a heartbeat of the API process after which a move is frozen, and an order for pulses comes too late."""
 
 
 class RampCore:
@@ -203,7 +203,9 @@ class RampCore:
             self.board_outputs = 0
 
     def _adopt_registers(self, counts: dict[int, int]) -> None:
-        """Adopts the registers of a board that is still pulsing as the present position."""
+        """Adopts the registers of a board that is still pulsing as the present position, where a motion ends."""
+        if self.moving:
+            self._freeze(RampFault.LINK_LOST)
         read = tuple(counts[channel] for channel in self._channels)
         self.board_outputs = sum(1 << i for i, count in enumerate(read) if count)
         self.register = tuple(self._board.pulse(count) for count in read)
@@ -227,9 +229,10 @@ class RampCore:
     # ---- orders from the API process
 
     def _check_order(self, order: RampOrder, alive: int) -> None:
-        if self.moving and alive - order.heartbeat > API_TIMEOUT:
+        new = order.number != self.order
+        if alive - order.heartbeat > API_TIMEOUT and (self.moving or (new and order.outputs)):
             self._freeze(RampFault.API_SILENT)
-        if order.number == self.order:
+        if not new:
             return
         in_time = order.branch_at == AT_ONCE or (order.after == self.order and order.branch_at <= self.remaining)
         self.order = order.number

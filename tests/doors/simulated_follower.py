@@ -45,7 +45,7 @@ class SimulatedBus:
         self.model_resolution_table = {"sts3215": 4096}
         self.calibration = {name: SimpleNamespace(range_min=0, range_max=4095) for name in names}
 
-    def sync_read(self, register: str, motors: Sequence[str]) -> dict[str, float]:
+    def sync_read(self, register: str, motors: Sequence[str], *, normalize: bool = True) -> dict[str, float]:
         """Values by motor. Raises `ConnectionError`."""
         if self.lost:
             self.lost -= 1
@@ -61,6 +61,11 @@ class SimulatedBus:
         """Writes a register of a motor."""
         own = REGISTERS[register]
         self.servos[motor].write(own.address, own.encoded(value))
+
+    def sync_write(self, register: str, values: Mapping[str, float]) -> None:
+        """Goals (deg) of motors."""
+        for name, value in values.items():
+            self.write(register, name, MIDDLE + round(math.radians(value) / STEP))
 
     def disable_torque(self) -> None:
         """Takes the torque from all motors."""
@@ -108,9 +113,7 @@ class SimulatedFollower:
 
     def send_action(self, action: Mapping[str, float]) -> dict[str, float]:
         """Goals (deg)."""
-        for name, servo in self.bus.servos.items():
-            count = MIDDLE + round(math.radians(action[f"{name}.pos"]) / STEP)
-            servo.write(table.GOAL_POSITION.address, table.GOAL_POSITION.encoded(count))
+        self.bus.sync_write("Goal_Position", {name: action[f"{name}.pos"] for name in self.bus.servos})
         return dict(action)
 
 

@@ -89,6 +89,17 @@ def test_a_bad_action_is_one_clear_line(link: Path, model: Path, change: Any, sa
         robot.send_action(action)
 
 
+def test_after_a_supply_that_dropped_no_goal_is_sent(link: Path, model: Path) -> None:
+    """A goal would switch the torque on again, from wherever the arm has fallen."""
+    with follower(link, KIND, model=str(model)) as robot:
+        with_retries(robot, lambda: robot.send_action(action_of(0.0, 0.0, 0.0, 0.0, 0.0)))
+        with_retries(robot, lambda: robot.bus.write("Torque_Enable", "elbow_flex", 0))
+        with pytest.raises(LrmError, match=r"^elbow_flex lost torque: was the supply off\?"):
+            with_retries(robot, lambda: robot.send_action(action_of(5.0, 5.0, 5.0, 5.0, 5.0)))
+        torques = with_retries(robot, lambda: robot.bus.sync_read("Torque_Enable"))
+    assert [name for name, on in torques.items() if not on] == ["elbow_flex"]
+
+
 def test_a_model_of_another_arm_is_one_clear_line(link: Path, tmp_path: Path) -> None:
     other = tmp_path / "ur5.toml"
     other.write_text('schema = "lrm/model/1"\narm = "ur5"\neffects = ["offsets"]\n')

@@ -281,7 +281,7 @@ def play(
     stand within 30 deg of it. Ctrl-C holds, and what was recorded is kept.
     """
     from lrm_ident.measuring.campaign.move_player import keeps_rows, play, played_csv, sequence_of
-    from lrm_ident.measuring.campaign.session import RealClock
+    from lrm_ident.measuring.campaign.real_clock import RealClock
     from lrm_ident.measuring.excitation.sequence import PlayedRow
 
     rows: list[PlayedRow] = []

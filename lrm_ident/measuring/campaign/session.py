@@ -17,6 +17,7 @@ from lrm_ident.measuring.campaign.data_file import DataFile, PowerOn
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
+from lrm_ident.measuring.campaign.real_clock import RealClock
 from lrm_ident.measuring.campaign.rover_arm import APPROACH, DaemonSolver, RoverArm
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
@@ -46,45 +47,8 @@ SERVOS_OFF = {"disarmed", "estop", "fault"}
 
 FIRST_FRAME_S, LOOK_S = 15.0, 0.25
 """s: how long to wait for the first frame, by how much at a time."""
-AWAY_S = 10.0
-"""s beyond a wait after which a program was away; as long as a daemon gives an expired lease back."""
 MOST_FRAMES = 100_000
 """Frames that are kept of one rest."""
-
-
-def _time() -> float:
-    """Time (s) that goes on while the computer is suspended, where there is a clock for it (Linux)."""
-    clock = getattr(time, "CLOCK_BOOTTIME", None)
-    return time.monotonic() if clock is None else time.clock_gettime(clock)
-
-
-class RealClock:
-    """The computer's clock.
-
-    It raises `LrmError` where the computer was suspended since it was made, whatever was waited for meanwhile, or the
-    program stopped during a wait: who wakes it did not ask the arm to move. A daemon ends such a client's lease by
-    itself.
-    """
-
-    def __init__(self) -> None:
-        self._offset = _time() - time.monotonic()
-
-    def now(self) -> float:
-        """Monotonic time (s)."""
-        now = time.monotonic()
-        _check_away(_time() - now - self._offset)
-        return now
-
-    def sleep(self, seconds: float) -> None:
-        """Waits; not for a negative time."""
-        wait, began = max(0.0, seconds), _time()
-        time.sleep(wait)
-        _check_away(_time() - began - wait)
-
-
-def _check_away(seconds: float) -> None:
-    if seconds > AWAY_S:
-        raise LrmError(f"this computer or program stood still for {seconds:.0f} s; begin again where the arm may move")
 
 
 @dataclass(frozen=True)

@@ -167,6 +167,21 @@ def test_a_jog_stops_where_the_guard_fails(sim: SimulatedDaemon) -> None:
     assert sim.core.mode is Mode.HOLDING
 
 
+def test_a_jog_holds_where_a_servo_cannot_turn_so_fast(sim: SimulatedDaemon) -> None:
+    """A servo's table is steeper on one side of the middle. The refusal ended the daemon's loop, and the arm fell."""
+    token = armed(sim, q=-0.2)
+    joint = 4
+    request = JogRequest(lease=token, rate_rad_per_s={f"joint{joint}": 0.2955})
+    sim.core.handle(request, sim.now)
+    while sim.core.mode is Mode.MOVING:
+        keep(sim, token, 15)
+        if sim.core.orders.jog is not None:
+            sim.core.handle(request, sim.now)
+    assert (sim.core.mode, sim.core.why) == (Mode.HOLDING, "the jog may not go on")
+    assert "at most" in next(event.text for event in sim.core.events if event.code == "jog_stopped")
+    assert abs(commanded(sim, joint)) < 0.1
+
+
 def test_an_emergency_stop_takes_two_ticks_at_most(sim: SimulatedDaemon) -> None:
     armed(sim)
     sim.estop_requested = True

@@ -90,6 +90,18 @@ def test_a_touch_ends_the_way_down_and_no_other(arm: SkilledDaemon) -> None:
     assert arm.q[0] < 0.5
 
 
+def test_a_hot_arm_that_touched_something_does_not_go_to_rest_at_once(arm: SkilledDaemon) -> None:
+    """As after a hold: what it touches may be in its way."""
+    arm.begin("touch_down", goal=GOAL)
+    arm.keep(20, answers=True)
+    arm.core.handle(SenseCommand(what="touch"), arm.now)
+    arm.core.thermal.temperature = (88.0,) * len(arm.config.servos)
+    arm.keep(20)
+    there = arm.q
+    arm.keep(400)
+    assert (arm.core.mode, arm.q) == (Mode.HOLDING, there)
+
+
 def test_an_empty_gripper_carries_nothing(arm: SkilledDaemon) -> None:
     arm.begin("grasp", gripper_rad=-0.05, payload_kg=0.03, listen_s=0.5)
     arm.keep(100)

@@ -129,7 +129,7 @@ class LinkUnderAttack(RuleBasedStateMachine):
         if before is LinkState.READING and line.ramp.link is LinkState.READY:
             counts = self.config.clock.count_s * 1e9
             read = {i: round(p / counts) for i, p in enumerate(line.ramp.register) if line.ramp.board_outputs >> i & 1}
-            ends_all = [(f.type, any(f.counts)) for f in frames(out)] == [(FrameType.ARM, False)]
+            ends_all = [(f.type, any(f.words)) for f in frames(out)] == [(FrameType.ARM, False)]
             assert read in ([{}] if ends_all else self.read_since)
 
     # ---- what he does

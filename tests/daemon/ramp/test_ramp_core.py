@@ -69,6 +69,50 @@ def test_an_order_made_before_the_last_fault_is_dropped(config: Config, missed: 
     assert line.ramp.order_accepted
 
 
+@pytest.mark.parametrize("late_ms", [0, 400, 600, 60_000])
+def test_an_order_for_pulses_that_comes_late_moves_and_switches_on_nothing(config: Config, late_ms: int) -> None:
+    """The API process was stopped between its decision and its order: whoever asked is gone by then."""
+    line = RampWithBoard(config).ready()
+    late = line.order(outputs=0b11)
+    line.now += late_ms * 1_000_000
+    line.ready()
+    line.tick(replace(late, fault_count=line.ramp.fault_count))
+    line.tick()
+    in_time = late_ms < 500
+    assert line.ramp.order_accepted is in_time
+    assert (line.board.chip.pulse(0) is not None) is in_time
+    assert (line.ramp.fault is RampFault.API_SILENT) is not in_time
+
+
+def test_an_order_that_ends_pulses_is_never_too_late(config: Config) -> None:
+    line = RampWithBoard(config).ready()
+    line.tick(line.order())
+    line.tick()
+    off = line.order(2, outputs=0)
+    for _ in range(200):
+        line.tick()
+    line.tick(replace(off, fault_count=line.ramp.fault_count))
+    line.tick()
+    assert line.ramp.order_accepted
+    assert line.board.chip.pulse(0) is None
+
+
+def test_a_motion_does_not_go_on_from_registers_that_were_taken_over(config: Config) -> None:
+    """A board that says in the middle of a motion that it is not set up is asked for its registers: a frame may be
+    lost by then, so that the next step of the motion is two of the board's."""
+    line = RampWithBoard(config).ready()
+    line.tick(line.order(target=(MIDDLE + 100_000,) * 16))
+    for _ in range(4):
+        line.tick()
+    there, count = line.board.chip.pulse(0), config.clock.count_s
+    line.back = encode(protocol.error(line.sent[0].seq, protocol.ErrorCode.NOT_SET_UP))
+    for _ in range(20):
+        line.tick()
+        assert line.board.chip.pulse(0) == pytest.approx(there, abs=1.1 * count)
+    assert line.ramp.link is LinkState.READY
+    assert not line.ramp.moving
+
+
 def test_an_emergency_stop_voids_the_order_under_way(config: Config) -> None:
     line = RampWithBoard(config).ready()
     order = line.order(target=(MIDDLE + 50_000,) * 16)

@@ -110,7 +110,7 @@ class SimulatedDaemon:
         """One cycle of the API, every 20 ms."""
         self.core.observe(self.report, self.now)
         self.core.tick(self.now)
-        self.order = self.core.order
+        self.order = self.core.order_at(self.now)
 
     def _arrived(self) -> bytes | None:
         if self.unplugged:

@@ -18,8 +18,9 @@ from examples.demo.pose_files import LOAD_G, clear_poses
 from examples.demo.simulated_tracker import BASE, TOOL
 from examples.demo.steps import DWELL_S, SETTLE_S
 from examples.demo.world import ARM, ROBOT, World
+from lrm_ident.measuring.campaign.real_clock import RealClock
 from lrm_ident.measuring.campaign.run import PoseTiming
-from lrm_ident.measuring.campaign.session import RealClock, by_daemon, connected
+from lrm_ident.measuring.campaign.session import by_daemon, connected
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_ident.measuring.verification.goal_commands import GoalCommand, GoalSolver
 from lrm_ident.measuring.verification.goal_run import GoalRun

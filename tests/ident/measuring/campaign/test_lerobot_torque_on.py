@@ -91,3 +91,20 @@ def test_after_a_failure_the_motors_are_set_again(robot: SimulatedFollower) -> N
         robot.connect()
     robot.connect()
     assert len(configured) == 2
+
+
+def test_no_goal_is_sent_to_motors_whose_supply_was_off(robot: SimulatedFollower) -> None:
+    """LeRobot's own loops do not look: the first goal would switch them on, from wherever they have fallen."""
+    torque_on_where_they_stand(robot)
+    robot.connect()
+    there = {f"{name}.pos": math.degrees((1500 - MIDDLE) * STEP) for name in NAMES}
+    robot.send_action(there)
+    dropped = robot.bus.servos["elbow_flex"]
+    dropped.power_cycle()
+    dropped.angle = -1.0
+    for _ in range(3):
+        with pytest.raises(LrmError, match=r"^elbow_flex lost torque: was the supply off\?"):
+            robot.send_action(there)
+    assert not dropped.powered
+    dropped.advance(10.0)
+    assert dropped.angle == -1.0

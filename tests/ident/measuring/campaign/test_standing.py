@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.real_clock import RealClock
 from lrm_ident.measuring.campaign.rover_arm import ATTEMPTS, STARTING_S, RoverArm
-from lrm_ident.measuring.campaign.session import RealClock, by_daemon, power_on
+from lrm_ident.measuring.campaign.session import by_daemon, power_on
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrmd.client import LEASE_LOST, MotionInterrupted, RequestRefused, Rover
