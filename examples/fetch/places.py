@@ -124,7 +124,8 @@ def basket_pose() -> tuple[Array, Array, Array]:
 def _leads_down(solver: CalibratedSolver, q: Array, place: Array, tilt: Array) -> bool:
     """Whether a straight line leads from commands (n,), rad, down to a place (m)."""
     x, y, z = place.tolist()
-    return not isinstance(line_path(Waypoint.of(solver, Motion.at(q)), 0.0, pose((x, y, z), tilt), lambda: None), LineEnd)
+    begin = Waypoint.of(solver, Motion.at(q))
+    return not isinstance(line_path(begin, 0.0, pose((x, y, z), tilt), lambda: None), LineEnd)
 
 
 def above(place: Array) -> Array:

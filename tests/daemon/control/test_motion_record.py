@@ -208,7 +208,7 @@ def test_a_straight_line_has_the_warm_up_of_each_waypoint_at_its_arrival() -> No
     ik = IkService.of(config, DeployedModel(of, None, "", "sha", ("drift",)))
     known = Known(Motion.at(start), running, 30.0, 0.0)
     (here,) = ik.forward(FkRequest(q_rad=[start.tolist()]), known)
-    goal = np.array(here.tcp_m) + (0.0, -0.08, 0.0)
+    goal = np.array(here.tcp_m) + np.array([0.0, -0.08, 0.0])
     request = PlanRequest(from_rad=start.tolist(), goal=GoalEntry(position_m=goal.tolist()), line=True)
     path = ik.plan(request, lambda: None, known)
     assert not isinstance(path, NoPlan)

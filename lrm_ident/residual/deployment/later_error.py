@@ -1,0 +1,130 @@
+"""Whether an arm goes on changing: later poses predicted from those before them, and from poses all around them.
+
+A cross-validation interpolates in time, and what a rover asks for comes later. So the second half of the poses is
+predicted as deployed by a fit to the first half (fixed origin: Tashman 2000), and once more by fits to every other pose
+of the whole, which are as many. Each error counts over what its fit expects, since a law is known less well from its
+beginning than from all of it. Where the forecast is surely worse, the arm changes in a way that the model does not
+state, and the error to expect is that of the forecast. It holds for about as long after the measurement as half of it
+lasted; nothing tests what comes after that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.row_choice import spaced_rows
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.priors import Prior
+from lrm_ident.residual.better_prediction import paired_z
+from lrm_ident.residual.deployment.carried_states import FEWEST
+from lrm_ident.residual.deployment.rolling_origin import STEP, allows_rolling_origin
+from lrm_ident.residual.thresholds import NOT_NOISE
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.model.deployed_model import as_deployed_when_read, field_of
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.state_after_session import state_after_session
+
+MOST_POSES = 1000
+"""Poses that are fitted, evenly spread: a bound on time."""
+
+
+@dataclass(frozen=True)
+class LaterError:
+    """Errors of later poses as deployed, predicted from those before them, where these are surely worse than of poses
+    predicted from all around; None: they are not.
+
+    `followed`: where the time since power-on and what the arm did before are known. `unknown`: where neither is.
+    """
+
+    followed: ErrorStats | None = None
+    unknown: ErrorStats | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Prediction:
+    """Residuals (M, 3), m, of poses that a fit did not see, as deployed: where time and moves before are known, and
+    where they are not. `uncertainty`: (M,), m², variance of the tip by the fit's own parameters."""
+
+    followed: Array
+    unknown: Array
+    uncertainty: Array
+    sigma: float
+
+
+@lru_cache(maxsize=4)  # a step of `auto` is reported as it was confirmed
+def later_error(model: Model, data: Measurements, loss: Loss, prior: Prior | None) -> LaterError:
+    """The error of later poses of a model that was fitted to these data; empty where the arm does not go on changing,
+    or the data cannot tell: few poses, an order that is not known or follows a joint, or a residual field, which is
+    learned apart."""
+    data = data.take(spaced_rows(len(data), MOST_POSES)) if len(data) > MOST_POSES else data
+    data = data.borne_by(model)
+    begin, rows = _origin(model, data), np.arange(len(data))
+    if not model.free or field_of(model) or not allows_rolling_origin(data) or len(data) - begin < FEWEST:
+        return LaterError()
+    try:
+        forecast = _predicted(model, data, rows < begin, loss, prior)
+        around = [_predicted(model, data, rows % 2 == half, loss, prior) for half in (0, 1)]
+    except LrmError:
+        return LaterError()
+    later = np.argsort(np.concatenate([rows[1::2], rows[::2]]))[begin:]
+    noise = 3.0 * float(np.mean([each.sigma for each in around])) ** 2
+    ahead = noise + forecast.uncertainty
+    among = noise + np.concatenate([each.uncertainty for each in around])[later]
+    followed = np.concatenate([each.followed for each in around])[later]
+    unknown = np.concatenate([each.unknown for each in around])[later]
+    return LaterError(
+        _surely_worse(forecast.followed, ahead, followed, among), _surely_worse(forecast.unknown, ahead, unknown, among)
+    )
+
+
+def _origin(model: Model, data: Measurements) -> int:
+    """Row at which the forecast begins: the middle of the poses since the arm last changed at a moment that the model
+    has, so that half of them say what it changed to."""
+    changed, cycle = 0, data.poses.power_cycle
+    number = np.array(data.poses.names(np.arange(len(data))))
+    for effect in model.effects:
+        steps = [model.value(key) for key, one in zip(effect.keys, effect.parameters, strict=True) if one.name == STEP]
+        changed = max([changed, *(int(np.count_nonzero(number <= step)) for step in steps)])
+        if "session" in effect.depends_on and cycle is not None:
+            changed = max(changed, int(np.count_nonzero(cycle < cycle.max())))
+    return (changed + len(data)) // 2
+
+
+def _predicted(
+    model: Model, data: Measurements, seen: NDArray[np.bool_], loss: Loss, prior: Prior | None
+) -> _Prediction:
+    """Poses predicted by a fit to those `seen` (N,), with the state that its session effects leave behind."""
+    fitted, later = fit(model, data.take(seen), loss=loss, prior=prior), data.take(~seen)
+    state = state_after_session(fitted.equilibrium)
+    model = fitted.model if state is None else fitted.model.with_state(state)
+    followed = unknown = later.position_error(solve_equilibrium(as_deployed_when_read(model, later.poses), later.poses))
+    if state is not None and (state.warming or state.memory):
+        unknown = later.position_error(solve_equilibrium(as_deployed_when_read(model), later.poses))
+    J = parameter_jacobian(solve_equilibrium(fitted.model, later.poses), fitted.model.free)
+    uncertainty = np.einsum("mip,pq,miq->m", J, fitted.covariance, J)
+    return _Prediction(followed, unknown, uncertainty, fitted.sigma)
+
+
+def _surely_worse(forecast: Array, ahead: Array, around: Array, among: Array) -> ErrorStats | None:
+    """Error of forecasts if they are worse than the other predictions, at the level of the verdict that nothing is
+    missing; else None.
+
+    Residuals `forecast` and `around` (M, 3), m; mean squares that their fits expect, `ahead` and `among` (M,), m².
+    """
+    seen = np.isfinite(forecast).all(axis=1)
+    if np.count_nonzero(seen) < FEWEST:
+        return None
+    worse, better = ((error[seen] ** 2).sum(axis=1) for error in (forecast, around))
+    z = paired_z(better / among[seen], worse / ahead[seen])
+    return error_stats(forecast[seen]) if ndtr(-z) < NOT_NOISE else None
