@@ -323,7 +323,7 @@ class IkService:
             return 0.0
         pulses = ([s.pulse_ns(x) for s, x in zip(self.config.servos, p, strict=False)] for p in (known.motion.q, q))
         most = max(abs(after - before) for before, after in zip(*pulses, strict=True))
-        return -(-most // self.config.step) * self.config.tick / SECOND
+        return float(-(-most // self.config.step) * self.config.tick / SECOND)
 
     def _with_memory(self, sd: float | None, known: Known, now: Poses) -> float | None:
         """Standard deviation of the tip (m) at one pose, with what is not known of the arm's memory."""

@@ -1,21 +1,21 @@
 """Whether an arm goes on changing: later poses predicted from those before them, and from poses all around them.
 
 A cross-validation interpolates in time, and what a rover asks for comes later. So the second half of the poses is
-predicted as deployed by a fit to the first half (fixed origin: Tashman 2000), and once more by fits to every other pose
-of the whole, which are as many. Each error counts over what its fit expects, since a law is known less well from its
-beginning than from all of it. Where the forecast is surely worse, the arm changes in a way that the model does not
-state, and the error to expect is that of the forecast. It holds for about as long after the measurement as half of it
-lasted; nothing tests what comes after that.
+predicted as deployed by a fit to the first half (predictive failure: Chow 1960; fixed origin: Tashman 2000), and once
+more by fits to every other pose of the whole, which are as many. Each error counts over what its fit expects, since a
+law is known less well from its beginning than from all of it. Where the forecast is surely worse, the arm changes in a
+way that the model does not state, and the error to expect is that of the forecast. It holds for about as long after the
+measurement as half of it lasted; nothing tests what comes after that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
@@ -37,6 +37,8 @@ from lrm_math.model.state_after_session import state_after_session
 
 MOST_POSES = 1000
 """Poses that are fitted, evenly spread: a bound on time."""
+SURELY = NormalDist().inv_cdf(1.0 - NOT_NOISE)
+"""Standard errors by which a forecast must be worse: the level of the verdict that it contradicts."""
 
 
 @dataclass(frozen=True)
@@ -54,21 +56,31 @@ class LaterError:
 @dataclass(frozen=True, eq=False)
 class _Prediction:
     """Residuals (M, 3), m, of poses that a fit did not see, as deployed: where time and moves before are known, and
-    where they are not. `uncertainty`: (M,), m², variance of the tip by the fit's own parameters."""
+    where they are not. `spread`: (3 M, P), m, motions of the tip by independent standard errors of the fit."""
 
     followed: Array
     unknown: Array
-    uncertainty: Array
+    spread: Array
     sigma: float
 
+    def squares(self, residual: Array, noise: float) -> Array:
+        """(M,), squared errors over their expectation, whitened by the covariance noise² I + spread spreadᵀ.
 
-@lru_cache(maxsize=4)  # a step of `auto` is reported as it was confirmed
+        One wrong parameter moves many poses: without that, chance would look like a change. Its symmetric root is that
+        of the identity with another size along the principal directions of the spread.
+        """
+        U, size, _ = np.linalg.svd(self.spread, full_matrices=False)
+        error = residual.reshape(-1) / noise
+        white = error - U @ ((1.0 - 1.0 / np.sqrt(1.0 + (size / noise) ** 2)) * (U.T @ error))
+        return np.asarray((white.reshape(-1, 3) ** 2).sum(axis=1))
+
+
 def later_error(model: Model, data: Measurements, loss: Loss, prior: Prior | None) -> LaterError:
     """The error of later poses of a model that was fitted to these data; empty where the arm does not go on changing,
     or the data cannot tell: few poses, an order that is not known or follows a joint, or a residual field, which is
     learned apart."""
     data = data.take(spaced_rows(len(data), MOST_POSES)) if len(data) > MOST_POSES else data
-    data = data.borne_by(model)
+    data = data.take(np.isfinite(data.tcp).all(axis=1)).borne_by(model)
     begin, rows = _origin(model, data), np.arange(len(data))
     if not model.free or field_of(model) or not allows_rolling_origin(data) or len(data) - begin < FEWEST:
         return LaterError()
@@ -77,14 +89,17 @@ def later_error(model: Model, data: Measurements, loss: Loss, prior: Prior | Non
         around = [_predicted(model, data, rows % 2 == half, loss, prior) for half in (0, 1)]
     except LrmError:
         return LaterError()
+    noise = float(np.mean([each.sigma for each in around]))
     later = np.argsort(np.concatenate([rows[1::2], rows[::2]]))[begin:]
-    noise = 3.0 * float(np.mean([each.sigma for each in around])) ** 2
-    ahead = noise + forecast.uncertainty
-    among = noise + np.concatenate([each.uncertainty for each in around])[later]
-    followed = np.concatenate([each.followed for each in around])[later]
-    unknown = np.concatenate([each.unknown for each in around])[later]
+
+    def if_worse(forecasts: Array, others: Sequence[Array]) -> ErrorStats | None:
+        among = np.concatenate([each.squares(one, noise) for each, one in zip(around, others, strict=True)])
+        z = paired_z(among[later], forecast.squares(forecasts, noise))
+        return error_stats(forecasts) if z > SURELY else None
+
     return LaterError(
-        _surely_worse(forecast.followed, ahead, followed, among), _surely_worse(forecast.unknown, ahead, unknown, among)
+        if_worse(forecast.followed, [each.followed for each in around]),
+        if_worse(forecast.unknown, [each.unknown for each in around]),
     )
 
 
@@ -112,19 +127,6 @@ def _predicted(
     if state is not None and (state.warming or state.memory):
         unknown = later.position_error(solve_equilibrium(as_deployed_when_read(model), later.poses))
     J = parameter_jacobian(solve_equilibrium(fitted.model, later.poses), fitted.model.free)
-    uncertainty = np.einsum("mip,pq,miq->m", J, fitted.covariance, J)
-    return _Prediction(followed, unknown, uncertainty, fitted.sigma)
-
-
-def _surely_worse(forecast: Array, ahead: Array, around: Array, among: Array) -> ErrorStats | None:
-    """Error of forecasts if they are worse than the other predictions, at the level of the verdict that nothing is
-    missing; else None.
-
-    Residuals `forecast` and `around` (M, 3), m; mean squares that their fits expect, `ahead` and `among` (M,), m².
-    """
-    seen = np.isfinite(forecast).all(axis=1)
-    if np.count_nonzero(seen) < FEWEST:
-        return None
-    worse, better = ((error[seen] ** 2).sum(axis=1) for error in (forecast, around))
-    z = paired_z(better / among[seen], worse / ahead[seen])
-    return error_stats(forecast[seen]) if ndtr(-z) < NOT_NOISE else None
+    variance, axes = np.linalg.eigh(fitted.covariance)
+    spread = J.reshape(-1, J.shape[-1]) @ (axes * np.sqrt(np.maximum(variance, 0.0)))
+    return _Prediction(followed, unknown, spread, fitted.sigma)
