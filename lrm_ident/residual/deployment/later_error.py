@@ -25,15 +25,14 @@ from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.deployment.carried_states import FEWEST
-from lrm_ident.residual.deployment.rolling_origin import STEP, allows_rolling_origin
+from lrm_ident.residual.deployment.rolling_origin import STEP, allows_rolling_origin, forecast_residuals
 from lrm_ident.residual.thresholds import NOT_NOISE
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.model.deployed_model import as_deployed_when_read, field_of
+from lrm_math.model.deployed_model import field_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.state_after_session import state_after_session
 
 MOST_POSES = 1000
 """Poses that are fitted, evenly spread: a bound on time."""
@@ -55,8 +54,8 @@ class LaterError:
 
 @dataclass(frozen=True, eq=False)
 class _Prediction:
-    """Residuals (M, 3), m, of poses that a fit did not see, as deployed: where time and moves before are known, and
-    where they are not. `spread`: (3 M, P), m, motions of the tip by independent standard errors of the fit."""
+    """`forecast_residuals` (M, 3), m, of poses that a fit did not see: where time and moves before are known, and where
+    they are not. `spread`: (3 M, P), m, motions of the tip by independent standard errors of the fit."""
 
     followed: Array
     unknown: Array
@@ -121,12 +120,7 @@ def _predicted(
 ) -> _Prediction:
     """Poses predicted by a fit to those `seen` (N,), with the state that its session effects leave behind."""
     fitted, later = fit(model, data.take(seen), loss=loss, prior=prior), data.take(~seen)
-    state = state_after_session(fitted.equilibrium)
-    model = fitted.model if state is None else fitted.model.with_state(state)
-    followed = unknown = later.position_error(solve_equilibrium(as_deployed_when_read(model, later.poses), later.poses))
-    if state is not None and (state.warming or state.memory):
-        unknown = later.position_error(solve_equilibrium(as_deployed_when_read(model), later.poses))
     J = parameter_jacobian(solve_equilibrium(fitted.model, later.poses), fitted.model.free)
     variance, axes = np.linalg.eigh(fitted.covariance)
     spread = J.reshape(-1, J.shape[-1]) @ (axes * np.sqrt(np.maximum(variance, 0.0)))
-    return _Prediction(followed, unknown, spread, fitted.sigma)
+    return _Prediction(*forecast_residuals(fitted, later), spread, fitted.sigma)
