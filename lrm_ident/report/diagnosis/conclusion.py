@@ -187,15 +187,15 @@ def _not_identified(report: DiagnosisReport, why: str) -> str:
 def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
     known = list(_has_already(report))
-    if report.deployed.among_measured is not None:
-        return f"{NONE_FOUND} in this session, {CHANGES}"
+    changes = report.deployed.among_measured is not None
     if not known:
-        return HEADLINES[report.verdict]
+        return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
     named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
     them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
     other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
     unsure = any(report.indistinguishable.get(name) for name in known)
-    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {LEFT[report.verdict]}"
+    left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
+    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model{left}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:

@@ -57,8 +57,7 @@ def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study
     among, later = report.deployed.now, replace(report.deployed.now, rms=2.5e-3)
     found = conclude(replace(report, deployed=replace(report.deployed, now=later, among_measured=among)))
     assert found.headline == (
-        "No missing effect found in this session, but the arm goes on changing: earlier poses predict the later ones "
-        "worse."
+        "Backlash in joint 2 is in the model, but the arm goes on changing: earlier poses predict the later ones worse."
     )
     assert dict(found.facts)["as deployed"].startswith("2.50 mm RMS at later poses (0.57 mm among the measured poses)")
 
