@@ -16,7 +16,7 @@ from lrm_math.ik.goal import pose
 from lrm_math.ik.nominal import NominalSolver
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
-from lrmd.ik.straight_line import LineEnd, line_path
+from lrmd.ik.straight_line import LineEnd, Waypoint, line_path
 from lrmd.messages.surroundings import ContactEntry
 
 ARM = "lrm-rover"
@@ -124,7 +124,8 @@ def basket_pose() -> tuple[Array, Array, Array]:
 def _leads_down(solver: CalibratedSolver, q: Array, place: Array, tilt: Array) -> bool:
     """Whether a straight line leads from commands (n,), rad, down to a place (m)."""
     x, y, z = place.tolist()
-    return not isinstance(line_path(solver, 0.0, Motion.at(q), pose((x, y, z), tilt), lambda: None), LineEnd)
+    begin = Waypoint.of(solver, Motion.at(q))
+    return not isinstance(line_path(begin, 0.0, pose((x, y, z), tilt), lambda: None), LineEnd)
 
 
 def above(place: Array) -> Array:

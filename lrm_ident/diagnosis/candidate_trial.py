@@ -36,7 +36,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect, ModelPart, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import ImplausibleEstimate
-from lrm_math.model.deployed_model import of_a_session
+from lrm_math.model.deployed_model import as_deployed_with, followed_effects, memorised, of_a_session, on_the_way
+from lrm_math.model.equilibrium import solve_equilibrium
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +102,8 @@ def refit_trial(
         keys = [effect.keys[row] for row in scored.candidate.rows]
         if objection := objection_to_estimates(fitted, keys, implausible_of(diagnosis.fit)):
             return CandidateTrial(None, objection)
+        if _shows_no_memory(effect, fitted, data):
+            return CandidateTrial(None, Reason(ReasonKind.FOLLOWED_NO_BETTER))
         if _bends_what_it_measures(effect) and _leaves_more_than_noise(diagnosis, fitted):
             return CandidateTrial(None, Reason(ReasonKind.CURVED_IN_PART))
         refit = Refit(fitted, blocks_of_fit(fitted, data))
@@ -168,6 +171,23 @@ def _companion(diagnosis: Diagnosis, scored: ScoredCandidate) -> ScoredCandidate
 def _bends_what_it_measures(effect: Effect) -> bool:
     """Whether it is a free form of an effect of the measurement: it imitates much that the arm does."""
     return effect.part is ModelPart.MEASUREMENT and effect.is_free_form
+
+
+def _shows_no_memory(effect: Effect, fitted: Fit, data: Measurements) -> bool:
+    """Whether an effect with a memory fits no better, by two standard errors, than what is constant in its place.
+
+    Where each pose was held for several of its time constants it is a spring, and at another pace it would be wrong.
+    """
+    model, poses = fitted.model, data.borne_by(fitted.model).poses
+    followed = followed_effects(model, poses)
+    if effect.name not in followed or effect.name not in memorised(model):
+        return False
+    others = [name for name in followed if name != effect.name]
+    with_it, without = (
+        np.asarray((data.position_error(solve_equilibrium(deployed, poses)) ** 2).sum(axis=1))
+        for deployed in (as_deployed_with(model, [*names, *on_the_way(model)]) for names in (followed, others))
+    )
+    return paired_z(with_it, without) <= Z_THRESHOLD
 
 
 def _leaves_more_than_noise(diagnosis: Diagnosis, fitted: Fit) -> bool:

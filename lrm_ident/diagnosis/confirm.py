@@ -24,6 +24,7 @@ from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.better_prediction import share_of_excess, takes_little
 from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.later_error import later_error
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN
 from lrm_math.arrays import Array
 from lrm_math.effects import ModelPart
@@ -62,11 +63,12 @@ class ConfirmedDiagnosis:
         """(N, 3), held-out residual of the model as it is (m)."""
         return held_out_residual(self.blocks)
 
-    @property
+    @cached_property
     def deployed(self) -> DeployedError:
         """Held-out error of the model as it is deployed."""
-        diagnosis = self.diagnosis
-        return DeployedError.of(diagnosis.fit.model, diagnosis.data.poses, self.blocks, diagnosis.outliers_together)
+        fit, data = self.diagnosis.fit, self.diagnosis.data
+        later = later_error(fit.model, data, fit.loss, fit.stated)
+        return DeployedError.of(fit.model, data.poses, self.blocks, later, self.diagnosis.outliers_together)
 
     @property
     def first(self) -> ScoredCandidate | None:

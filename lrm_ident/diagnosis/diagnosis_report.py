@@ -9,7 +9,9 @@ from importlib import import_module
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
+from lrm_ident.diagnosis.candidate_trial import Refit
 from lrm_ident.diagnosis.claim import claim_of, fitted_estimates, screened_estimates
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis
@@ -19,6 +21,7 @@ from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import Limitation, audit
 from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.later_error import later_error
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import ParameterHint, parameter_hints
 from lrm_ident.residual.predictability import PredictableError
@@ -185,6 +188,12 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
     return [*supported, *rest]
 
 
+def _deployed(refit: Refit, data: Measurements) -> DeployedError:
+    """Held-out error of a refitted model as it is deployed."""
+    later = later_error(refit.fit.model, data, refit.fit.loss, refit.fit.stated)
+    return DeployedError.of(refit.fit.model, data.poses, refit.blocks, later)
+
+
 def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorStats) -> RankedCandidate:
     """A candidate with its verdict and the reason of it. `before`: held-out error without it."""
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
@@ -210,5 +219,5 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         reason = Reason(ReasonKind.LITTLE, (rms, before.rms))
     if function := diagnosis.unexplained.spurious.get(scored.name):
         reason = Reason(ReasonKind.RESEMBLES, subject=function)
-    deployed = None if refit is None else DeployedError.of(refit.fit.model, diagnosis.data.poses, refit.blocks)
+    deployed = None if refit is None else _deployed(refit, diagnosis.data)
     return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)

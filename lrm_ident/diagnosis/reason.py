@@ -63,6 +63,8 @@ class ReasonKind(StrEnum):
     WORSE_DEPLOYED = "worse_as_deployed"
     NOT_BETTER_LATER = "later_poses_not_surely_better"
     """Numbers: RMS of later poses predicted from those before them, without and with it (m)."""
+    FOLLOWED_NO_BETTER = "memory_followed_no_better"
+    """What the arm did before predicts no better than a constant spring and offset in the place of the memory."""
     NOT_BETTER = "not_surely_better"
     """Numbers: held-out RMS before and after the refit (m)."""
     LESS_THAN_PROMISED = "less_than_promised"

@@ -85,7 +85,8 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
         return []
     remembers = deployed.state is not None and deployed.state.memory
     rows = {
-        "held out, as deployed on the arm": deployed.now,
+        f"held out, as deployed on the arm{'' if deployed.among_measured is None else ', later'}": deployed.now,
+        "as deployed, among the measured poses": deployed.among_measured,
         "as deployed, at earlier poses": deployed.otherwise,
         f"as deployed, {'what it did before' if remembers else 'power-on time'} unknown": deployed.time_unknown,
     }

@@ -23,10 +23,10 @@ from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.covariates import ExplanatoryVariable, levels
 from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.later_error import later_error
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
@@ -78,11 +78,13 @@ class HeldOutResidual:
     deployed: DeployedError | None = None
 
     @classmethod
-    def of(cls, model: Model, poses: Poses, blocks: tuple[HeldOutBlock, ...]) -> HeldOutResidual:
-        """The held-out residual of a model that was cross-validated at these poses."""
-        return HeldOutResidual(
-            held_out_residual(blocks), blocks=blocks, deployed=DeployedError.of(model, poses, blocks)
-        )
+    def of(
+        cls, model: Model, data: Measurements, blocks: tuple[HeldOutBlock, ...], loss: Loss, prior: Prior | None
+    ) -> HeldOutResidual:
+        """The held-out residual of a model that was cross-validated on these data, with a loss and a prior."""
+        later = later_error(model, data, loss, prior)
+        deployed = DeployedError.of(model, data.poses, blocks, later)
+        return HeldOutResidual(held_out_residual(blocks), blocks=blocks, deployed=deployed)
 
     def __repr__(self) -> str:
         error = self.error
@@ -193,7 +195,7 @@ def try_held_out(
         blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
-    return HeldOutResidual.of(model, data.poses, blocks)
+    return HeldOutResidual.of(model, data, blocks, loss, prior)
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:

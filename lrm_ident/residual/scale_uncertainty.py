@@ -43,8 +43,13 @@ def scale_uncertainty(fitted: Fit) -> ScaleUncertainty | None:
     owed = float(by_length @ np.linalg.pinv(known, hermitian=True) @ by_length)
     if variance <= 0.0 or owed < HALF * variance:
         return None
+    return ScaleUncertainty(variance**0.5, variance**0.5 * distance_from_centre(fitted))
+
+
+def distance_from_centre(fitted: Fit) -> float:
+    """RMS distance of the measured tips from their centre (m): what a scale of the tracker costs, by its error."""
     apart = fitted.equilibrium.true_tcp - fitted.equilibrium.true_tcp.mean(axis=0)
-    return ScaleUncertainty(variance**0.5, (variance * float((apart**2).sum(axis=1).mean())) ** 0.5)
+    return float((apart**2).sum(axis=1).mean() ** 0.5)
 
 
 def scale_left_open(added: str, fitted: Fit) -> ScaleUncertainty | None:

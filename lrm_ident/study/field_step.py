@@ -65,7 +65,7 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
         data,
         start=model,
         stated_prior=prior,
-        held_out=HeldOutResidual.of(fitted.model, data.poses, blocks),
+        held_out=HeldOutResidual.of(fitted.model, data, blocks, loss, prior),
     )
 
 

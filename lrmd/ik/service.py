@@ -35,7 +35,7 @@ from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath, NoPlan, Planner, with_corners
 from lrmd.ik.stabilise import steadier_poses
-from lrmd.ik.straight_line import LineEnd, line_path
+from lrmd.ik.straight_line import ARRIVED, PASSES, LineEnd, Waypoint, line_path
 from lrmd.messages.codec import MessageError
 from lrmd.messages.kinematics import (
     FkAnswer,
@@ -59,8 +59,6 @@ UNIQUE_TOLERANCE = 1e-6
 CLOSE = 1e-7
 """m: tolerance of the tip by which an uncertain memory is judged."""
 UNKNOWN = Known()
-PASSES, ARRIVED = 4, 1e-5
-"""Of the iteration for the state at arrival: its largest number, and the change of the commands that ends it (rad)."""
 CancellationCheck = Callable[[], None]
 """Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
@@ -308,12 +306,24 @@ class IkService:
 
     def _arriving(self, known: Known, q: Array, payload: float, arrival: Motion | None = None) -> Poses:
         """The pose at the end of the way to commands q (n,), rad, at full speed; `arrival`: its record, if given."""
-        seconds = 0.0
-        if known.motion is not None:
-            pulses = ([s.pulse_ns(x) for s, x in zip(self.config.servos, p, strict=False)] for p in (known.motion.q, q))
-            most = max(abs(after - before) for before, after in zip(*pulses, strict=True))
-            seconds = -(-most // self.config.step) * self.config.tick / SECOND
-        return known.poses(arrival or known.arrived(q), payload, seconds)
+        return known.poses(arrival or known.arrived(q), payload, self._seconds(known, q))
+
+    def _moved(self, known: Known, motion: Motion, payload: float) -> Waypoint:
+        """The arm at the end of a move, at full speed, to where a record of its moves ends."""
+        seconds, remembered = self._seconds(known, motion.q), known.remembered
+        if remembered is not None and known.motion is not None and self.remembering is not None:
+            remembered = self.after_stand(remembered, motion.q, payload, seconds, known.motion.q)
+        running = None if known.running is None else known.running + seconds
+        there = replace(known, motion=motion, running=running, remembered=remembered)
+        return Waypoint(there, self.at(there.poses(motion, payload)).solver)
+
+    def _seconds(self, known: Known, q: Array) -> float:
+        """Time of the way to commands q (n,), rad, at full speed; 0 where it is not known from where."""
+        if known.motion is None:
+            return 0.0
+        pulses = ([s.pulse_ns(x) for s, x in zip(self.config.servos, p, strict=False)] for p in (known.motion.q, q))
+        most = max(abs(after - before) for before, after in zip(*pulses, strict=True))
+        return float(-(-most // self.config.step) * self.config.tick / SECOND)
 
     def _with_memory(self, sd: float | None, known: Known, now: Poses) -> float | None:
         """Standard deviation of the tip (m) at one pose, with what is not known of the arm's memory."""
@@ -455,8 +465,9 @@ class IkService:
         payload = request.payload_kg or 0.0
         _, here = _start(request.from_rad, known)
         motion = Motion.at(request.from_rad) if here is None else replace(here, q=np.array(request.from_rad))
+        begin, goal = self._moved(known, motion, payload), self._goal(0, request.goal)
         found = line_path(
-            self._here(known, payload).solver, payload, motion, self._goal(0, request.goal), check_cancelled
+            begin, payload, goal, check_cancelled, lambda before, after: self._moved(before.known, after, payload)
         )
         if isinstance(found, LineEnd):
             return found

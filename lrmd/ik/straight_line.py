@@ -3,23 +3,26 @@
 Theory of operation: goals along the line are solved one after the other, each nearest to the one before, so that the
 branch is kept. The joints move evenly from command to command, so between two of them the tip bows: where it leaves the
 line by more than is allowed, another command goes between, until it does not. What the tip does between is computed by
-the model's elastic equilibrium, with the moves that led there.
+the model's elastic equilibrium, with the moves that led there. Each command is that of the arm as it is when it arrives
+there: an arm that warms up, or remembers, changes on the way.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Solved
+from lrm_math.ik.answer import Solved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.methods import QUICKEST
+from lrm_math.kinematics.known import Known
 from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -40,6 +43,36 @@ AT_LIMIT = 0.01
 """rad: a joint nearer to its limit is the reason why a line ends."""
 BETWEEN = np.array([0.25, 0.5, 0.75])
 MOST_COMMANDS = 1000
+PASSES, ARRIVED = 4, 1e-5
+"""Of the iteration for the state at arrival: its largest number, and the change of the commands that ends it (rad)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoint:
+    """An arm at a command: what is known of it there, and the solver of its state there."""
+
+    known: Known
+    solver: CalibratedSolver
+
+    @classmethod
+    def of(cls, solver: CalibratedSolver, motion: Motion) -> Waypoint:
+        """An arm of which the moves so far are known, and neither time nor memory."""
+        return cls(Known(motion), solver)
+
+    @property
+    def motion(self) -> Motion:
+        """Record of its moves, up to there."""
+        assert self.known.motion is not None
+        return self.known.motion
+
+
+Follow: TypeAlias = Callable[[Waypoint, Motion], Waypoint]
+"""The arm at the end of a straight move, by the record of its moves after it."""
+
+
+def unchanged(before: Waypoint, motion: Motion) -> Waypoint:
+    """The arm after a move, in the state that it was in before."""
+    return Waypoint(replace(before.known, motion=motion), before.solver)
 
 
 @dataclass(frozen=True)
@@ -108,72 +141,82 @@ class ToolLine:
 
 
 def line_path(
-    solver: CalibratedSolver, payload: float, motion: Motion, goal: Goal, check_cancelled: Callable[[], None]
+    begin: Waypoint, payload: float, goal: Goal, check_cancelled: Callable[[], None], follow: Follow = unchanged
 ) -> list[tuple[float, ...]] | LineEnd:
     """Commands (rad), the present one included, along which the tool goes straight to a goal with a payload (kg), or
     where such a line ends.
 
     Args:
-        motion: record of the arm's moves, up to where it stands.
+        begin: the arm where the line begins. follow: its state after a move; unchanged where it neither warms up nor
+            remembers.
 
     Raises `NoEquilibrium`: the arm does not settle where it stands.
     """
-    tips, rotations = _tools(solver, payload, [motion])
-    line = ToolLine.to(tips[0], rotations[0], goal, len(motion.q) >= 6)
-    shares, records = [0.0], [motion]
+    tips, rotations = _tools(begin.solver, payload, [begin.motion])
+    line = ToolLine.to(tips[0], rotations[0], goal, len(begin.motion.q) >= 6)
+    shares, path = [0.0], [begin]
     waiting = line.first_shares()[::-1]
     while waiting:
         check_cancelled()
         share, before = waiting[-1], shares[-1]
-        found = _next(solver, payload, line, share, records[-1])
-        reason = found.text if isinstance(found, NoPlan) else _bend(solver, payload, line, records[-1], found)
+        found = _next(follow, payload, line, share, path[-1])
+        reason = found.text if isinstance(found, NoPlan) else _bend(payload, line, path[-1], found)
         if reason:
-            if share - before <= LEAST_SHARE or len(records) + len(waiting) > MOST_COMMANDS:
+            if share - before <= LEAST_SHARE or len(path) + len(waiting) > MOST_COMMANDS:
                 x, y, z = line.place(before).tolist()
                 where = f"after {before * line.length * 1e3:.1f} of {line.length * 1e3:.1f} mm"
-                why = _at_limit(solver, records[-1]) or reason
+                why = _at_limit(path[-1]) or reason
                 return LineEnd(f"no straight line: it ends {where}: {why}", (x, y, z))
             waiting.append(0.5 * (before + share))
             continue
-        assert isinstance(found, Motion)
+        assert isinstance(found, Waypoint)
         waiting.pop()
         shares.append(share)
-        records.append(found)
-    return [tuple(record.q.tolist()) for record in records]
+        path.append(found)
+    return [tuple(waypoint.motion.q.tolist()) for waypoint in path]
 
 
-def _next(solver: CalibratedSolver, payload: float, line: ToolLine, share: float, before: Motion) -> Motion | NoPlan:
-    """The record after a move on to a share of the line, or why there is none."""
-    try:
-        reply = solver.solve(line.goal(share), payload, before.q.tolist(), QUICKEST, motion=before)
-    except LrmError as error:
-        return NoPlan(str(error))
-    if not isinstance(reply, Solved):
-        return NoPlan(str(reply))
-    q = np.array(min(reply.branches, key=lambda branch: np.abs(np.array(branch.q) - before.q).max()).q)
-    turned = np.abs(q - before.q)
-    joint = int(turned.argmax())
-    if turned[joint] > JUMP:
-        degrees = math.degrees(turned[joint])
-        why = "a singular pose, or the end of its branch"
-        return NoPlan(f"joint {joint + 1} would have to jump by {degrees:.0f} deg: {why}")
-    return before.to(q)
+def _next(follow: Follow, payload: float, line: ToolLine, share: float, before: Waypoint) -> Waypoint | NoPlan:
+    """The arm after a move on to a share of the line, by fixed-point iteration for its state there; or why not."""
+    here, goal, solver = before.motion.q, line.goal(share), before.solver
+    after, q = before, here
+    for _ in range(PASSES):
+        try:
+            reply = solver.solve(goal, payload, here.tolist(), QUICKEST, motion=before.motion)
+        except LrmError as error:
+            return NoPlan(str(error))
+        if not isinstance(reply, Solved):
+            return NoPlan(str(reply))
+        last, q = q, np.array(min(reply.branches, key=lambda branch: np.abs(np.array(branch.q) - here).max()).q)
+        turned = np.abs(q - here)
+        joint = int(turned.argmax())
+        if turned[joint] > JUMP:
+            degrees = math.degrees(turned[joint])
+            why = "a singular pose, or the end of its branch"
+            return NoPlan(f"joint {joint + 1} would have to jump by {degrees:.0f} deg: {why}")
+        after = follow(before, before.motion.to(q))
+        if after.solver is solver or apart(q.tolist(), last.tolist()) < ARRIVED:
+            break
+        solver = after.solver
+    return after
 
 
-def _at_limit(solver: CalibratedSolver, record: Motion) -> str:
+def _at_limit(at: Waypoint) -> str:
     """Words for the joint that stands at its limit, of an arm whose line ends there; empty if none does."""
-    for number, (joint, q) in enumerate(zip(solver.arm.model.arm.joints, record.q.tolist(), strict=True), start=1):
+    joints = at.solver.arm.model.arm.joints
+    for number, (joint, q) in enumerate(zip(joints, at.motion.q.tolist(), strict=True), start=1):
         if min(q - joint.lower, joint.upper - q) < AT_LIMIT:
             limit = joint.lower if q - joint.lower < joint.upper - q else joint.upper
             return f"joint {number} is at its limit of {math.degrees(limit):g} deg"
     return ""
 
 
-def _bend(solver: CalibratedSolver, payload: float, line: ToolLine, before: Motion, after: Motion) -> str:
+def _bend(payload: float, line: ToolLine, before: Waypoint, after: Waypoint) -> str:
     """Why the tip's way between two commands is not straight enough; empty if it is."""
-    ways = [before.to(before.q + share * (after.q - before.q)) for share in BETWEEN]
+    here = before.motion
+    ways = [here.to(here.q + share * (after.motion.q - here.q)) for share in BETWEEN]
     try:
-        off = line.deviation(*_tools(solver, payload, [*ways, after]))
+        off = line.deviation(*_tools(after.solver, payload, [*ways, after.motion]))
     except NoEquilibrium as error:
         return str(error)
     return "" if off <= SHARE else f"the tip would leave it by {off * TOLERANCE * 1e3:.2f} mm where joints turn round"

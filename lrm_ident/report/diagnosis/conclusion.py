@@ -11,6 +11,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from lrm_ident.data.observations.distances import Distances
 from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm
 from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
@@ -25,6 +26,7 @@ from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
 from lrm_ident.report.text.poses import limitation_sentence, where_measured
 from lrm_ident.report.text.residuals import (
+    A_LENGTH,
     BLACK_BOX,
     predictable_brief,
     regime_brief,
@@ -33,7 +35,7 @@ from lrm_ident.report.text.residuals import (
 )
 from lrm_ident.report.text.variables import function_name
 from lrm_ident.residual.data_audit import where_it_holds
-from lrm_ident.residual.scale_uncertainty import scale_uncertainty
+from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, Effect, variants
@@ -69,6 +71,8 @@ LEFT = {
     Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
 }
 """What is left where no missing effect was found."""
+CHANGES = "but the arm goes on changing: earlier poses predict the later ones worse."
+"""Of an arm whose later poses are worse predicted from those before them than from all around."""
 HEADLINES = {
     **{verdict: f"{NOT_IDENTIFIED}: {why}" for verdict, why in WHY_NOT.items()},
     Verdict.NOTHING_MISSING: f"{NONE_FOUND}: {LEFT[Verdict.NOTHING_MISSING]}",
@@ -183,13 +187,15 @@ def _not_identified(report: DiagnosisReport, why: str) -> str:
 def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
     known = list(_has_already(report))
+    changes = report.deployed.among_measured is not None
     if not known:
-        return HEADLINES[report.verdict]
+        return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
     named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
     them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
     other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
     unsure = any(report.indistinguishable.get(name) for name in known)
-    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model; {LEFT[report.verdict]}"
+    left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
+    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model{left}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -235,6 +241,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
+        yield "not tested", _not_tested(report)
 
 
 def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
@@ -254,6 +261,15 @@ def valid_where(report: DiagnosisReport) -> str:
     limits = JointLimits.of(report.diagnosis.fit.model.arm)
     parts = where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
     return where_measured(parts)
+
+
+def _not_tested(report: DiagnosisReport) -> str:
+    """The scale of a tracker that is taken as right: what a wrong one would cost, and what decides; empty otherwise."""
+    data, fit = report.diagnosis.data, report.diagnosis.fit
+    decided = data.of(Distances) or data.touched or not data.positions.measured.any()
+    if decided or scale_uncertainty(fit) is not None:
+        return ""
+    return f"the tracker's scale (1 mm/m costs {in_mm(1e-3 * distance_from_centre(fit))} mm at the tip). {A_LENGTH}"
 
 
 def _held_out(report: DiagnosisReport) -> str:
@@ -286,6 +302,9 @@ def _deployed(report: DiagnosisReport) -> str:
         before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
         return "" if same else f"{before} → {after} mm RMS {_where_expected(report)}"
+    if deployed.among_measured is not None:
+        among = f"{in_mm(deployed.among_measured.rms)} mm among the measured poses"
+        return f"{in_mm(deployed.now.rms)} mm RMS at later poses ({among}), as the arm goes on changing"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return ""
     earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"

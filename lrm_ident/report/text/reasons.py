@@ -24,6 +24,7 @@ SENTENCES = {
     ReasonKind.CURVED_IN_PART: "a curve of the tracker that leaves more than the noise stands for something else",
     ReasonKind.NOT_REFITTED: "it could not be refitted: {said}",
     ReasonKind.WORSE_DEPLOYED: "it fits this session, but the model as deployed would be worse",
+    ReasonKind.FOLLOWED_NO_BETTER: "at this pace a constant spring predicts as well: it shows no memory",
     ReasonKind.NO_DIAGNOSIS: "a model with it could not be gone on with",
     ReasonKind.MASSLESS: "the arm's file gives no masses",
     ReasonKind.RIGID: "nothing of the model gives way to gravity; fit compliances first",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, time_unknown_residual
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
+from lrm_ident.residual.deployment.later_error import LaterError
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -29,27 +30,37 @@ class DeployedError:
         time_unknown: where neither the time since power-on is known nor what the arm did before; None: nothing of the
             model follows them.
         state: what the deployed model keeps of its session; None: nothing.
+        among_measured: where the arm goes on changing (`later_error`): as `now` was by a cross-validation, which
+            interpolates in time. `now` is of later poses then.
     """
 
     now: ErrorStats
     otherwise: ErrorStats | None = None
     time_unknown: ErrorStats | None = None
     state: StateAfterSession | None = None
+    among_measured: ErrorStats | None = None
 
     @classmethod
     def of(
-        cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock], left_out: Array = NO_RESIDUAL
-    ) -> DeployedError:
+        cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock], later: LaterError,
+        left_out: Array = NO_RESIDUAL,
+    ) -> DeployedError:  # fmt: skip
         """The error of a model that was cross-validated at these poses.
 
-        `left_out`: (M, 3), m, residual at poses that its fits left out although the arm errs there: it counts.
+        Args:
+            later: error of later poses, where it is worse than of those among the measured ones: it counts then.
+            left_out: (M, 3), m, residual at poses that its fits left out although the arm errs there: it counts.
         """
         rows = rows_as_deployed(model, poses)
         kept = deployed_residual(blocks)
         error = cls.of_residual(np.concatenate([kept, left_out]), np.append(rows, len(kept) + np.arange(len(left_out))))
         unknown = time_unknown_residual(blocks)
-        restarted = None if unknown is None else error_stats(np.concatenate([unknown, left_out]))
-        return replace(error, state=model.state, time_unknown=restarted)
+        restarted = None
+        if unknown is not None:
+            restarted = _larger(error_stats(np.concatenate([unknown, left_out])), later.unknown)
+        now = _larger(error.now, later.followed)
+        among = None if now is error.now else error.now
+        return replace(error, now=now, state=model.state, time_unknown=restarted, among_measured=among)
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:
@@ -59,5 +70,11 @@ class DeployedError:
 
     def as_json(self) -> dict[str, object]:
         """The table `as_deployed`."""
-        more = {"otherwise": self.otherwise, "time_unknown": self.time_unknown}
+        more = {
+            "otherwise": self.otherwise, "time_unknown": self.time_unknown, "among_measured": self.among_measured,
+        }  # fmt: skip
         return {**self.now.as_json(), **{name: one.as_json() for name, one in more.items() if one is not None}}
+
+
+def _larger(error: ErrorStats, later: ErrorStats | None) -> ErrorStats:
+    return error if later is None or later.rms <= error.rms else later

@@ -67,26 +67,29 @@ def rolling_origin_forecasts(fitted: Fit, data: Measurements) -> Forecasts:
 
     Raises `LrmError`: a fit does not converge.
     """
-    rows, known, unknown = np.arange(len(data)), list[Array](), list[Array]()
-    trackers = [*on_the_way(fitted.model), *(bound.effect.name for bound in fitted.model.binding.distorting)]
+    rows, forecasts = np.arange(len(data)), list[tuple[Array, Array]]()
     for begin, end in pairwise(_edges(data)):
         before, later = data.take(rows[:begin]), data.take(rows[begin:end])
         earlier = with_carried_states(fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated), before)
-        model = earlier.model.with_state(state_of_arm(earlier.equilibrium))
-        followed = followed_effects(model, later.poses)
-        known.append(_squares(as_deployed_with(model, [*followed, *trackers]), later))
-        unknown.append(_squares(as_deployed_with(model, trackers), later))
-    return Forecasts(np.concatenate(known), np.concatenate(unknown))
+        forecasts.append(forecast_residuals(earlier, later))
+    return Forecasts(*((np.concatenate(each) ** 2).sum(axis=1) for each in zip(*forecasts, strict=True)))
+
+
+def forecast_residuals(earlier: Fit, later: Measurements) -> tuple[Array, Array]:
+    """(M, 3), m, residuals of poses that a fit did not see, as deployed: where the time since power-on and the moves
+    before are known, and where they are not. The tracker still errs as it did."""
+    model = earlier.model.with_state(state_of_arm(earlier.equilibrium))
+    trackers = [*on_the_way(model), *(bound.effect.name for bound in model.binding.distorting)]
+    followed, unknown = (
+        later.position_error(solve_equilibrium(as_deployed_with(model, [*names, *trackers]), later.poses))
+        for names in (followed_effects(model, later.poses), ())
+    )
+    return followed, unknown
 
 
 def _edges(data: Measurements) -> list[int]:
     """Rows at which forecasts begin, and the end of the last one."""
     return [round(row) for row in np.linspace(FIRST_SHARE * len(data), len(data), WINDOWS + 1).tolist()]
-
-
-def _squares(deployed: Model, later: Measurements) -> Array:
-    error = later.position_error(solve_equilibrium(deployed, later.poses))
-    return np.asarray((error**2).sum(axis=1))
 
 
 def same_forecasts(one: Array, other: Array) -> bool:

@@ -30,6 +30,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
+from lrmd.ik.straight_line import TOLERANCE
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.ramp.shared_memory import FRICTION_ELEMENTS
 from tests.support.daemon.armed_daemon import ArmedDaemon
@@ -194,6 +195,31 @@ def test_rpc_ik_and_a_plan_reach_the_goal_with_the_warm_up_at_arrival() -> None:
         reached, at_once = np.linalg.norm(tips - there.tcp_m, axis=1)
         assert reached < 2e-6
         assert at_once > 1e-4
+
+
+def test_a_straight_line_has_the_warm_up_of_each_waypoint_at_its_arrival() -> None:
+    """A cold joint turns by more than a line's tolerance while the tip goes 80 mm: the line stays straight in it."""
+    config, start, running = load_config(CONFIG), np.array([0.2, 0.5, 0.4, 0.9, -0.3, 0.4]), 4.0
+    arm = config.arm
+    effects = [e for name in ("offsets", "compliance", "drift@joint2") for e in effects_at(arm, name)]
+    law = {"drift.joint2.A_rad": 0.05, "drift.joint2.T_s": 20.0}
+    state = StateAfterSession({"drift@joint2": "last"}, {}, {"drift@joint2": 0.0})
+    of = model_of(arm, effects, law).with_state(state)
+    ik = IkService.of(config, DeployedModel(of, None, "", "sha", ("drift",)))
+    known = Known(Motion.at(start), running, 30.0, 0.0)
+    (here,) = ik.forward(FkRequest(q_rad=[start.tolist()]), known)
+    goal = np.array(here.tcp_m) + np.array([0.0, -0.08, 0.0])
+    request = PlanRequest(from_rad=start.tolist(), goal=GoalEntry(position_m=goal.tolist()), line=True)
+    path = ik.plan(request, lambda: None, known)
+    assert not isinstance(path, NoPlan)
+    pulses = np.array([[s.pulse_ns(x) for s, x in zip(config.servos, q, strict=False)] for q in path])
+    ticks = np.ceil(np.abs(np.diff(pulses, axis=0)).max(axis=1) / config.step)
+    elapsed = np.concatenate([[0.0], np.cumsum(ticks)]) * config.tick / SECOND
+    drift = 0.05 * -np.expm1((running + elapsed) / -20.0)
+    assert (drift[-1] - drift[0]) * 0.3 > TOLERANCE
+    tips = solve_equilibrium(model_of(arm, effects), poses_of(np.array(path) + drift[:, None] * np.eye(6)[1])).true_tcp
+    assert np.abs((tips - here.tcp_m)[:, [0, 2]]).max() < TOLERANCE
+    assert np.linalg.norm(tips[-1] - goal) < 2e-5
 
 
 @pytest.mark.long

@@ -17,7 +17,7 @@ from lrmd.config import Config, load_config
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
-from lrmd.ik.straight_line import TOLERANCE, LineEnd, line_path, rotation_of, rotation_vector
+from lrmd.ik.straight_line import TOLERANCE, LineEnd, Waypoint, line_path, rotation_of, rotation_vector
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
 from tests.daemon.safety.test_contact import GROUND
 from tests.support.daemon.in_memory_daemon import CONFIG
@@ -49,7 +49,7 @@ def test_the_commanded_tip_keeps_to_its_line_by_an_independent_model() -> None:
 def test_a_line_keeps_its_branch_and_begins_where_the_arm_stands(solver: CalibratedSolver) -> None:
     tool = solver.forward(BENT.tolist())
     goal = point([x + d for x, d in zip(tool.tcp, (0.0, 0.0, -0.04), strict=True)])
-    found = line_path(solver, 0.0, Motion.at(BENT), goal, free)
+    found = line_path(Waypoint.of(solver, Motion.at(BENT)), 0.0, goal, free)
     assert not isinstance(found, LineEnd), found
     path = np.array(found)
     assert np.array_equal(path[0], BENT)
@@ -63,7 +63,7 @@ def free() -> None:
 def test_a_line_that_leaves_the_reach_says_where_it_ends_and_why(solver: CalibratedSolver) -> None:
     tool = solver.forward(BENT.tolist())
     x, y, z = tool.tcp
-    found = line_path(solver, 0.0, Motion.at(BENT), pose((x, y, z + 2.0), np.array(tool.rotation)), free)
+    found = line_path(Waypoint.of(solver, Motion.at(BENT)), 0.0, pose((x, y, z + 2.0), np.array(tool.rotation)), free)
     assert isinstance(found, LineEnd)
     assert found.at[:2] == pytest.approx((x, y), abs=1e-9)
     assert z < found.at[2] < z + 1.0

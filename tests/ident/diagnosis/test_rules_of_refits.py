@@ -271,6 +271,25 @@ def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Pa
     assert candidate_trial._not_better_later([one], plain, named, study.data) is None
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("world", "effect", "shown"),
+    [
+        ("catalogue/second/bending2/blind/80/0", "creep@base", False),
+        ("catalogue/second/creep2/report/80/0", "creep@joint2", True),
+    ],
+)
+def test_a_memory_shows_only_where_a_spring_does_not_fit_as_well(
+    world: str, effect: str, shown: bool, tmp_path: Path
+) -> None:
+    """A link that bends, measured every 56 s, was called creep of the base with a time constant of 17 s."""
+    data, _ = SimulatedCase.of(world).record().load(tmp_path)
+    study = Study.of(data).fit()
+    [one] = effects_at(study.model.arm, effect)
+    named = add_effects(study.taken.fit.model, study.data, [one])
+    assert candidate_trial._shows_no_memory(one, named, study.data) is not shown
+
+
 def judged(
     patch: Patch,
     without: Array,

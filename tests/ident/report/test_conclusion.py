@@ -52,6 +52,23 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
 
 
+def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study) -> None:
+    report = better_study.diagnose()
+    among, later = report.deployed.now, replace(report.deployed.now, rms=2.5e-3)
+    found = conclude(replace(report, deployed=replace(report.deployed, now=later, among_measured=among)))
+    assert found.headline == (
+        "Backlash in joint 2 is in the model, but the arm goes on changing: earlier poses predict the later ones worse."
+    )
+    assert dict(found.facts)["as deployed"].startswith("2.50 mm RMS at later poses (0.57 mm among the measured poses)")
+
+
+def test_what_no_pose_shows_is_stated(better_study: Study) -> None:
+    """A wrong metre of the tracker looks like longer links; a known length decides."""
+    words = dict(conclude(better_study.diagnose()).facts)["not tested"]
+    assert words.startswith("the tracker's scale (1 mm/m costs 0.")
+    assert "distance_mm" in words
+
+
 def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> None:
     """Nor is it advised to replace the gear where a cable may be the cause."""
     name = "backlash@joint2"

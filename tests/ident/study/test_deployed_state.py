@@ -96,6 +96,39 @@ def test_both_errors_are_shown_and_apart() -> None:
     assert entry.deployed_rms_mm == pytest.approx(1e3 * deployed.now.rms)
 
 
+def test_an_arm_that_goes_on_changing_states_the_error_of_later_poses() -> None:
+    """A zero moves on at one pace, and the model has no law of it: a cross-validation interpolates, and states less."""
+    creeping = {"drift.joint1.A_rad": 2.0, "drift.joint1.T_s": 1e6}
+    study = fitted(measured(creeping))
+    deployed = study.held_out.deployed
+    assert deployed is not None
+    assert deployed.among_measured is not None
+    end = 150.0 * COUNT
+    new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
+    later = replace(new, t=np.linspace(end, 1.5 * end, 50), running=np.linspace(end, 1.5 * end, 50))
+    goes_on = solve_equilibrium(world(creeping), later).tcp
+    off = np.linalg.norm(solve_equilibrium(as_deployed(study.model), new).tcp - goes_on, axis=1)
+    true = float(np.sqrt((off**2).mean()))
+    assert deployed.among_measured.rms < 0.5 * true
+    assert 1.5 * deployed.among_measured.rms < deployed.now.rms < 1.1 * true
+    assert "among_measured" in deployed.as_json()
+
+
+@pytest.mark.parametrize(
+    ("values", "names"),
+    [
+        ({}, ()),
+        ({"drift.joint1.A_rad": 0.05}, (DRIFT,)),
+        ({"session.joint1.step2_rad": 0.04}, (SESSION,)),
+    ],
+)
+def test_what_stands_or_follows_its_law_does_not_go_on(values: dict[str, float], names: tuple[str, ...]) -> None:
+    """A law is known less well from its first half than from all of it, and a step only from what follows it."""
+    deployed = fitted(measured(values), *names).held_out.deployed
+    assert deployed is not None
+    assert deployed.among_measured is None
+
+
 @pytest.mark.long
 def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tmp_path: Path) -> None:
     """Cold and warm poses count alike, as the daemon predicts them; where the time is not known is said beside it."""

@@ -17,7 +17,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
 from lrmd.config import Config, load_config
 from lrmd.ik.planner import with_corners
-from lrmd.ik.straight_line import LineEnd, line_path, rotation_of
+from lrmd.ik.straight_line import LineEnd, Waypoint, line_path, rotation_of
 from lrmd.ramp.stepping import Pace, move
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG
@@ -69,7 +69,7 @@ def random_lines(seed: int) -> Iterator[WalkedLine]:
             turn = rng.normal(size=3)
             rotation = np.array(tool.rotation) @ rotation_of(turn / np.linalg.norm(turn) * rng.uniform(0.05, 0.5))
             goal = pose((x, y, z), rotation)
-        found = line_path(solver, payload, Motion.at(q), goal, lambda: None)
+        found = line_path(Waypoint.of(solver, Motion.at(q)), payload, goal, lambda: None)
         length = float(np.linalg.norm(end - np.array(tool.tcp)))
         if isinstance(found, LineEnd):
             yield WalkedLine(length, ended=found.text)
