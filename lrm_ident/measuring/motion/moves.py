@@ -1,8 +1,8 @@
 """Moves of a recording: pieces of its episodes, each predicted from its beginning and its commands alone.
 
 A move begins three to six seconds before its readings count (half a second at the beginning of an episode): what the
-joint did before is then in the model's state, too. No reading shows how far a limited set-point is ahead of its joint, or
-at what speed a swing begins, so moves begin where the arm is slowest, and what is left of an error there fades.
+joint did before is then in the model's state, too. No reading shows how far a limited set-point is ahead of its joint,
+or at what speed a swing begins, so moves begin where the arm is slowest, and what is left of an error there fades.
 """
 
 from __future__ import annotations
