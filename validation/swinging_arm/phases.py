@@ -27,7 +27,7 @@ from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.servo import LARGE_SERVO
 from lrmd.sim.swing import inertia
-from validation.swinging_arm.rig import SPRINGS, STEPPED_RATIO, SwingingRover, known_model, tip_of
+from validation.swinging_arm.rig import SPRINGS, SwingingRover, known_model, tip_of
 
 PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 10.0, 8, 50
 """Phases of the frames; s of a step, and steps between two tips; s for which a tip is followed; ticks between postures
@@ -111,7 +111,7 @@ def shaper_row(pwm_hz: float, kind: str, moves: int, clock: float, seed: int) ->
     }  # fmt: skip
     for within in WITHIN:
         motion = rover.config.motion.model_copy(update={"within_mm": 1e3 * within})
-        predictor = MotionPredictor(replace(rover.config, motion=motion), known_model(rover.arm, STEPPED_RATIO))
+        predictor = MotionPredictor(replace(rover.config, motion=motion), known_model(rover.arm))
         told, sure = np.array([predictor.settling(leg) for _, leg in legs]).T
         true = settling_times(away, within)
         held = (true <= sure[:, None] + STEP * EVERY).mean(axis=1)

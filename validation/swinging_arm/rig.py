@@ -34,21 +34,20 @@ SPRINGS = {
     "joint4": JointSpring(8.0, 0.022),
 }
 """4 to 6 Hz, 5 % of critical damping."""
-SERVO_HZ, SERVO_RATIO, STEPPED_RATIO = 14.0, 1.32, 0.84
-"""Second-order response like the simulated servos' exponential approach with 0.03 s, without a dead band; and with one
-of 1 us, which ends each step of a count (4.88 us) early: its mean lag is 0.019 s."""
+SERVO_HZ, SERVO_RATIO = 14.0, 1.32
+"""Second-order response like the simulated servos' exponential approach with 0.03 s."""
 FRAME_TICKS, NOISE_M = 2, 0.0003
 """Ticks between frames of the tracker, 13 ms, and standard deviation of a frame per axis."""
 RENEW_TICKS = 15
 
 
-def known_model(arm: Arm, servo_ratio: float = SERVO_RATIO) -> MotionModel:
+def known_model(arm: Arm) -> MotionModel:
     """A motion model that knows the springs: their frequencies are right at the mean of the postures that it counts."""
     chain, rng = chain_of(arm), np.random.default_rng(0)
     lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
     M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)
     model = MotionModel.nominal(arm)
-    servo = {"frequency_Hz": SERVO_HZ, "damping_ratio": servo_ratio, "b_rad": 0.0}
+    servo = {"frequency_Hz": SERVO_HZ, "damping_ratio": SERVO_RATIO, "b_rad": 0.0}
     model = replace(model, values={key: servo[key.split(".")[-1]] for key in model.values})
     for place, spring in SPRINGS.items():
         effect = effect_of(arm, f"swing@{place}")
