@@ -219,8 +219,8 @@ class GravitySag(MotionEffect):
 
     id = "gravity_sag"
     about = Description(
-        cause="A servo without integral action yields to gravity as a spring, and as much to the links' inertia.",
-        formula="push = k (τ_gravity + Σ_j M_ij q̈_j and centrifugal terms), J = J₀ + M − M₀ with J₀ = 1/(k ω²)",
+        cause="A servo without integral action yields as a spring: to gravity, and to inertia.",
+        formula="push = k (τ_gravity + τ_inertia), J = J₀ + M − M₀, J₀ = 1/(k ω²)",
         source="droop of a proportional controller; Conenna 2024, Eq 2.49",
         claim="the servo of {place} yields by {k_rad_per_Nm}",
         needs="postures with different torque",
@@ -245,8 +245,8 @@ class InertialCoupling(MotionEffect):
 
     id = "inertial_coupling"
     about = Description(
-        cause="The links are one mass: what accelerates one joint pushes the others. Integral action holds gravity.",
-        formula="push = k (Σ_j M_ij q̈_j and centrifugal terms), J = J₀ + M − M₀ with J₀ = 1/(k ω²)",
+        cause="What accelerates one joint pushes the others. Integral action holds gravity.",
+        formula="push = k (Σ_j M_ij q̈_j, centrifugal), J = J₀ + M − M₀, J₀ = 1/(k ω²)",
         source="Siciliano et al. 2009, section 7.2; point masses",
         claim="the servo of {place} yields by {k_rad_per_Nm} to what other joints push it with",
         needs="quick moves of several joints at once",
