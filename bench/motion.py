@@ -5,7 +5,8 @@ Two kinds of arms, each recorded twice: both tools fit the first recording, and 
 - Simulated SO-101s of the independent world (`validation.motion.world`), encoders and commands at 30 Hz. mujoco.sysid
   gets the arm's MJCF and, of every joint, the true stiffness; it fits armature, damping, dry friction, zero and delay.
 - mujoco.sysid's own arm with position servos (of its tests), simulated by MuJoCo: the model that it fits is the truth.
-  Encoders of 12 bits at 30 Hz. It fits armature and damping; stiffness is given.
+  Encoders of 12 bits at 30 Hz. It fits armature and damping; stiffness is given. The data are simulated twice: at the
+  step of its fit, so that the errors of both integrations cancel, and at a sixteenth of it, as an arm moves in time.
 
 The model of motion starts anew at each move, of 6 s at most, mujoco.sysid's at each episode of 24 s.
 
@@ -36,7 +37,7 @@ from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.moves import moves_of
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
@@ -45,8 +46,9 @@ from validation.lerobot_dataset import FPS, Recording, encoder_readings
 from validation.motion.cases import FIRST, MotionCase, arm_of
 from validation.motion.world import STIFF_NM_PER_RAD, driven, hand
 
-STEP_S, ITERATIONS, MADE = 1.0 / FPS / 16.0, 8, 2
-"""s of MuJoCo's step; iterations of its fit at most; episodes of 24 s of a recording, if no other number is given."""
+STEP_S, FINER, ITERATIONS, MADE = 1.0 / FPS / 16.0, 16, 8, 2
+"""s of MuJoCo's step, and times that data's is finer; iterations of its fit at most; episodes of 24 s of a recording,
+if no other number is given."""
 CASES = ("coulomb friction", "play")
 OWN_ARMATURE, OWN_DAMPING = (0.5, 0.4, 0.3, 0.2, 0.1), (1.0, 0.8, 0.6, 0.4, 0.2)
 
@@ -71,7 +73,8 @@ class MotionScore:
 class MotionTask:
     """An arm, two recordings of it, and its true natural frequencies (Hz) and damping ratios, (n,).
 
-    `xml`: its MJCF with position servos of given stiffness. `free`: what mujoco.sysid fits of every joint.
+    `xml`: its MJCF with position servos of given stiffness. `free`: what mujoco.sysid fits of every joint. `links`:
+    inertia of each joint in the middle of all ranges but for its armature (kg m²).
     """
 
     name: str
@@ -84,6 +87,7 @@ class MotionTask:
     xml: str
     free: tuple[str, ...]
     servo_damping: Array
+    links: Array
 
 
 def module(name: str) -> Any:
@@ -159,7 +163,7 @@ def peer(task: MotionTask) -> MotionScore:
     armature, damping = (
         np.array([found[f"{label}.{what}"].value[0] for label in labels]) for what in ("armature", "damping")
     )
-    J = armature + reference_inertia(task.arm)
+    J = armature + task.links
     omega = np.sqrt(task.stiffness / J)
     ratio = (damping + task.servo_damping) / (2.0 * omega * J)
     score = _off(task, omega / (2.0 * np.pi), ratio)
@@ -208,8 +212,9 @@ def so101_task(case: MotionCase, seed: int, episodes: int) -> MotionTask:
     free = ("armature", "damping", "frictionloss", "bias", "delay")
     name = f"SO-101, {case.name}"
     return MotionTask(
-        name, arm, seen, unseen, hidden.frequency_hz, hidden.damping, stiffness, xml, free, np.zeros(arm.dof)
-    )
+        name, arm, seen, unseen, hidden.frequency_hz, hidden.damping, stiffness, xml, free, np.zeros(arm.dof),
+        reference_inertia(arm),
+    )  # fmt: skip
 
 
 def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
@@ -231,8 +236,11 @@ def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
     return str(spec.to_xml())
 
 
-def own_task(seed: int, episodes: int) -> MotionTask:
-    """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo."""
+def own_task(seed: int, episodes: int, finer: int) -> MotionTask:
+    """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo.
+
+    `finer`: times that the data's step is shorter than that of the fit.
+    """
     mujoco = module("mujoco")
     rng = np.random.default_rng(seed)
     source = (Path(mujoco.__file__).parent / "sysid" / "tests" / "conftest.py").read_text()
@@ -250,13 +258,25 @@ def own_task(seed: int, episodes: int) -> MotionTask:
         spec.joint(f"joint{number + 1}").armature = armature
         spec.joint(f"joint{number + 1}").damping[0] = damping
     model = spec.compile()
+    links = _inertia_in_the_middle(model, arm) - np.array(OWN_ARMATURE)
+    model.opt.timestep = STEP_S / finer
     seen, unseen = (_simulated(model, rng, episodes) for _ in range(2))
     stiffness, braked = np.array([400.0] * 4 + [200.0]), np.array([40.0] * 4 + [20.0])
-    J = np.array(OWN_ARMATURE) + reference_inertia(arm)
+    J = np.array(OWN_ARMATURE) + links
     omega = np.sqrt(stiffness / J)
     ratio = (braked + np.array(OWN_DAMPING)) / (2.0 * omega * J)
-    names = "armature", "damping"
-    return MotionTask("its own arm", arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked)
+    names, name = ("armature", "damping"), "its own arm" if finer == 1 else f"its own arm, {finer} times finer"
+    return MotionTask(name, arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked, links)
+
+
+def _inertia_in_the_middle(model: Any, arm: Arm) -> Array:
+    """(n,), diagonal of MuJoCo's mass matrix in the middle of all ranges (kg m²)."""
+    mujoco = module("mujoco")
+    data, M = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    data.qpos[:] = JointLimits.of(arm).middle
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, M)
+    return np.diag(M).copy()
 
 
 def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording:
@@ -292,7 +312,7 @@ def main() -> None:
     given = parser.parse_args()
     tasks: list[Callable[[], MotionTask]] = []
     if given.only != "so101":
-        tasks.append(lambda: own_task(9, given.episodes))
+        tasks += [lambda finer=finer: own_task(9, given.episodes, finer) for finer in (1, FINER)]  # type: ignore[misc]
     if given.only != "own":
         chosen = [next(case for case in FIRST if case.name == name) for name in CASES]
         tasks += [lambda case=case, k=k: so101_task(case, k, given.episodes) for k, case in enumerate(chosen)]  # type: ignore[misc]

@@ -106,6 +106,10 @@ class MotionEffect(ABC):
         """Torque over the servo's stiffness (rad), broadcast to (M, P, S)."""
         return 0.0
 
+    def compliance(self, p: Values) -> Number:
+        """1/K (rad/N·m), broadcast to (P, 1), by which the servo yields to the links' inertia: J₀ = K/ω²."""
+        return 0.0
+
     def inertia(self, drive: JointDrive, p: Values) -> Number:
         """Change of J/J₀, broadcast to (M, P, S)."""
         return 0.0

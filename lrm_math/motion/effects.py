@@ -215,12 +215,12 @@ class VelocityFeedforward(MotionEffect):
 
 
 class GravitySag(MotionEffect):
-    """A servo that yields to gravity."""
+    """A servo that yields to gravity, and as much to the inertia of what it carries."""
 
     id = "gravity_sag"
     about = Description(
-        cause="A servo without integral action yields to gravity as a spring.",
-        formula="push = k τ_gravity",
+        cause="A servo without integral action yields as a spring: to gravity, and to inertia.",
+        formula="push = k (τ_gravity + τ_inertia), J = J₀ + M − M₀, J₀ = 1/(k ω²)",
         source="droop of a proportional controller; Conenna 2024, Eq 2.49",
         claim="the servo of {place} yields by {k_rad_per_Nm}",
         needs="postures with different torque",
@@ -230,6 +230,10 @@ class GravitySag(MotionEffect):
     def push(self, drive: JointDrive, p: Values) -> Number:
         """k τ."""
         return p[0] * drive.gravity[:, None]
+
+    def compliance(self, p: Values) -> Number:
+        """k."""
+        return p[0]
 
     def missing_excitation(self, drive: JointDrive) -> str | None:
         """Gravity's torque must vary."""
@@ -241,17 +245,17 @@ class InertialCoupling(MotionEffect):
 
     id = "inertial_coupling"
     about = Description(
-        cause="The links are one mass: what accelerates one joint pushes the others.",
-        formula="push = k Σ_j M_ij q̈_j and centrifugal terms",
+        cause="What accelerates one joint pushes the others. Integral action holds gravity.",
+        formula="push = k (Σ_j M_ij q̈_j, centrifugal), J = J₀ + M − M₀, J₀ = 1/(k ω²)",
         source="Siciliano et al. 2009, section 7.2; point masses",
         claim="the servo of {place} yields by {k_rad_per_Nm} to what other joints push it with",
         needs="quick moves of several joints at once",
     )
     parameters = (Parameter("k_rad_per_Nm", "compliance of the servo", 0.03, 0.0, 1.0, scan=(0.01, 0.05)),)
 
-    def push(self, drive: JointDrive, p: Values) -> Number:
-        """k τ."""
-        return p[0] * drive.reaction[:, None]
+    def compliance(self, p: Values) -> Number:
+        """k."""
+        return p[0]
 
     def missing_excitation(self, drive: JointDrive) -> str | None:
         """The other joints must push it."""
@@ -277,7 +281,9 @@ class LinkInertia(MotionEffect):
 
     def missing_excitation(self, drive: JointDrive) -> str | None:
         """The moment of inertia must vary."""
-        enough = np.all(drive.reference > 0.0) and np.std(drive.inertia) > LEAST_INERTIA * np.mean(drive.reference)
+        if np.any(drive.reference <= LEAST_INERTIA * np.mean(drive.inertia)):
+            return "in the middle of its range its links have hardly any moment of inertia"
+        enough = np.std(drive.inertia) > LEAST_INERTIA * np.mean(drive.reference)
         return None if enough else "its links' moment of inertia hardly varies"
 
 

@@ -41,7 +41,7 @@ def settling(model: MotionModel, start: Array, goal: Array, speed: float, within
     """
     ramp = max(int(np.ceil(np.abs(goal - start).max() / speed / STEP_S)), 1)
     share = np.arange(1, ramp + 1)[:, None] / ramp
-    return settling_after(model, start, (start + share * (goal - start))[None], STEP_S, within)
+    return settling_after(model, start, (start + share * (goal - start))[None], STEP_S, within)[0]
 
 
 def settling_after(
@@ -52,13 +52,13 @@ def settling_after(
     within: float,
     payload: float = 0.0,
     frequency_factors: tuple[float, ...] = (1.0,),
-    share: float = 1.0,
-) -> Settling:
+    shares: tuple[float, ...] = (1.0,),
+) -> tuple[Settling, ...]:
     """Of commanded angles `paths` (B, M, n), rad, each constant over a step (s), from rest at `start` (n,).
 
-    All paths end at one posture; each is tried with each of the factors of the natural frequencies. The answer has
-    settled in a `share` of these cases. `within`: m; `payload`: kg. The tip's deviation is that of the joints' by the
-    Jacobian at the end of the path.
+    All paths end at one posture; each is tried with each of the factors of the natural frequencies. There is an answer
+    for each of `shares`: by then it has settled in that share of these cases. `within`: m; `payload`: kg. The tip's
+    deviation is that of the joints' by the Jacobian at the end of the path.
     """
     goal, length = paths[0, -1], paths.shape[1]
     modes = modes_at(model, goal, payload)
@@ -69,10 +69,12 @@ def settling_after(
     jacobian = tip_jacobian(model, goal)
     far = ~(np.linalg.norm(away[length:] @ jacobian, axis=2) <= within)  # what is no number is not near
     steps = np.where(far.any(axis=0), len(far) - np.argmax(far[::-1], axis=0), 0)
-    case = int(np.argsort(steps)[math.ceil(share * len(steps)) - 1])
-    begin = length + max(int(steps[case]) - 1, 0)
-    ends = away[begin : begin + max(1, round(0.5 / step)), case, :, None] * jacobian
-    return Settling(float(steps[case] * step), int(np.argmax(np.linalg.norm(ends, axis=2).max(axis=0))))
+    out, order = [], np.argsort(steps)
+    for case in (int(order[math.ceil(share * len(steps)) - 1]) for share in shares):
+        begin = length + max(int(steps[case]) - 1, 0)
+        ends = away[begin : begin + max(1, round(0.5 / step)), case, :, None] * jacobian
+        out.append(Settling(float(steps[case] * step), int(np.argmax(np.linalg.norm(ends, axis=2).max(axis=0)))))
+    return tuple(out)
 
 
 def _slowest_fading(model: MotionModel, modes: Modes | None) -> float:

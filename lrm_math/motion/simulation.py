@@ -49,7 +49,9 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
         return np.concatenate([u[:1], u])
     h, (omega, braking) = drive.h, ServoResponse.spring(response)
     braking = braking + omega**2 * sum(effect.damping(drive, p) for effect, p in pairs)
-    inertia = np.maximum(1.0 + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
+    yielding = sum(effect.compliance(p) for effect, p in pairs)
+    heavier = yielding * omega**2 * (drive.inertia - drive.reference)[:, None]
+    inertia = np.maximum(1.0 + heavier + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
     stiffness, braking = omega**2 / inertia, braking / inertia
     second = next((x for effect, p in pairs if (x := effect.hung(p)) is not None), None)
     own: tuple[Array, ...] = sprung(stiffness, braking, h)
@@ -59,7 +61,7 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
         own = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
     pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in own)
     blows = stiffness * sum(effect.lead(p) for effect, p in pairs) * np.diff(u, axis=0, prepend=u[:1])
-    told = u + sum(effect.push(drive, p) for effect, p in pairs)
+    told = u + yielding * drive.reaction[:, None] + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
     fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
     limits = [limit for effect, p in pairs if (limit := effect.saturation(p)) is not None]

@@ -374,7 +374,8 @@ class ApiProcess:
         if tail != "rpc/move" or final_leg is None or (known := self._controller.motion) is None:
             return reply
         within = self._config.motion.within_mm * 1e-3
-        return reply.model_copy(update={"settle_s": known.settle_s(final_leg), "within_m": within})
+        usual, sure = known.settling(final_leg)
+        return reply.model_copy(update={"settle_s": usual, "settle_95_s": sure, "within_m": within})
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         match request:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -31,8 +31,8 @@ from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 LegShape: TypeAlias = ShaperKind | Literal["timed"]
 PHASES_IN_TICK, STEP_S = 4, 0.005
 """Settling is predicted with phases of the board's frames so many in a tick, 12 at 50 Hz; the longest step (s)."""
-SETTLED = 0.6
-"""Share of these cases in which the tip has settled by the predicted time."""
+USUAL, SURE = 0.6, 0.95
+"""Shares of these cases in which the tip has settled by the predicted times."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,13 @@ class FinalLeg:
     move: Move
     payload: float
     load_at: Vector3
+
+
+class SettlingTimes(NamedTuple):
+    """Times (s) from the end of a move by which its tip has settled in `USUAL` and in `SURE` of the simulated cases."""
+
+    usual: float
+    sure: float
 
 
 class MotionPredictor:
@@ -71,11 +78,11 @@ class MotionPredictor:
         path, tick = self._path(leg.move(start)), self._config.tick / SECOND
         return replace(leg, waits=waits_of(self._carrying(load_at), path, tick, self._frame, payload))
 
-    def settle_s(self, final_leg: FinalLeg) -> float:
-        """Time (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
+    def settling(self, final_leg: FinalLeg) -> SettlingTimes:
+        """Times (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
 
         The command is the board's: pulses rounded to its counts, frame by frame. The phase of its frames is not known,
-        and frequencies only nearly: the time by which the tip has settled in `SETTLED` of the cases of both.
+        and frequencies only nearly, so several of both are simulated.
         """
         path, model = self._path(final_leg.move), self._carrying(final_leg.load_at)
         tick, frame = self._config.tick / SECOND, self._frame
@@ -85,10 +92,11 @@ class MotionPredictor:
         phases = (np.arange(many := round(PHASES_IN_TICK * frame / tick) or 1) + 0.5)[:, None] / many * frame
         seen = path[np.minimum(((began + phases) / tick).astype(int), len(path) - 1)].repeat(steps, axis=1)
         within = self._config.motion.within_mm * 1e-3
-        settled = settling_after(
-            model, path[0], seen, frame / steps, within, final_leg.payload, FREQUENCY_FACTORS, SETTLED
+        found = settling_after(
+            model, path[0], seen, frame / steps, within, final_leg.payload, FREQUENCY_FACTORS, (USUAL, SURE)
         )
-        return (len(began) + 0.5) * frame - ends + settled.seconds if settled.seconds else 0.0
+        begin = (len(began) + 0.5) * frame - ends
+        return SettlingTimes(*(begin + one.seconds if one.seconds else 0.0 for one in found))
 
     @property
     def _frame(self) -> float:

@@ -370,8 +370,8 @@ class Reply(Header):
     """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm;
     `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was. `stops`: as in
     `state/mode`; None from `rpc/estop`, whose process does not count. `settle_s`: from `rpc/move` with a motion model:
-    time after `seconds` until the tip stays within `within_m` of its rest. `skill`: number of the skill that
-    began."""
+    time after `seconds` until the tip usually stays within `within_m` of its rest, `settle_95_s` until it does so in
+    95 % of the cases that are simulated. `skill`: number of the skill that began."""
 
     mode: str
     stops: int | None = None
@@ -382,6 +382,7 @@ class Reply(Header):
     unchecked: str = ""
     skill: int | None = None
     settle_s: float | None = None
+    settle_95_s: float | None = None
     within_m: float | None = None
 
 

@@ -151,6 +151,8 @@ def test_deployed_used_kept_and_taken_back(tmp_path: Path, capsys: pytest.Captur
             shaped = rover.move({"joint1": 0.2}, wait=False)
             assert shaped > plain + 0.05
             assert rover.settle_s is not None
+            assert rover.settle_95_s is not None
+            assert rover.settle_95_s >= rover.settle_s
             rover.deploy(TEXT + "\n", kind="motion")  # under way
             wait_for(lambda: not rover.joints().moving, "the motion ends")
             assert rover.mode().mode == "armed"

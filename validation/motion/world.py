@@ -20,7 +20,7 @@ from validation.teleoperation import described_so101
 
 JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
 STEP_S, LOADS_EVERY = 0.001, 10
-STUCK_RAD_PER_S = 0.002
+STUCK_RAD_PER_S, SHORT_S = 0.002, 1e-4
 STIFF_NM_PER_RAD = 400000.0
 """Of a joint that hardly notices gravity and the others: what is not hidden is not there."""
 UNLIMITED = 1e9
@@ -112,7 +112,7 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
     h = 1.0 / FPS / ticks
     K, omega = 1.0 / p["compliance"], 2.0 * np.pi * p["frequency_hz"]
     J0 = K / omega**2
-    middle = _loads(np.zeros((1, JOINTS)))[1][0].diagonal()
+    middle = _loads(np.zeros((1, JOINTS)), np.zeros((1, JOINTS)))[1][0].diagonal()
     linked = p["link_share"] > 0.0
     K = np.where(linked, middle / np.maximum(p["link_share"], 1e-9) * omega**2, K)
     J0 = np.where(linked, K / omega**2, J0)
@@ -137,9 +137,10 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
         if k % ticks == 0:
             out[:, k // ticks] = shown
         if k % LOADS_EVERY == 0:
-            g, M = _loads(q)
+            g, M = _loads(q, v)
             J = M + A[:, :, None] * np.eye(JOINTS)
-            inverse, braked = np.linalg.inv(J), 0.5 * h * D / np.diagonal(J, axis1=1, axis2=2)
+            braked = 0.5 * h * D[:, :, None] * np.eye(JOINTS)
+            inverse, kept = np.linalg.inv(J + braked), J - braked
         goal = (1.0 - part) * history[c, np.maximum(k - late, 0), j] + part * history[c, np.maximum(k - late - 1, 0), j]
         ahead = goal - u
         half = 0.5 * p["acceleration"] * h
@@ -168,8 +169,8 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
         push = torque - pull
         stuck = (np.abs(v) < STUCK_RAD_PER_S) & (np.abs(push) <= grip)
         net = push - np.sign(np.where(np.abs(v) < STUCK_RAD_PER_S, push, v)) * grip
-        change = np.einsum("cij,cj->ci", inverse, np.where(stuck, 0.0, net))
-        then = ((1.0 - braked) * v + h * change) / (1.0 + braked)
+        momentum = np.einsum("cij,cj->ci", kept, v) + h * np.where(stuck, 0.0, net)
+        then = np.einsum("cij,cj->ci", inverse, momentum)
         turned = (grip > 0.0) & (then * v < 0.0) & (np.abs(push) <= grip)
         v = np.where(stuck | turned, 0.0, then)
         q = q + h * v
@@ -179,17 +180,30 @@ def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
     return out
 
 
-def _loads(q: Array) -> tuple[Array, Array]:
-    """Gravity's torque (C, 5) and the mass matrix (C, 5, 5) of the links at angles (C, 5)."""
-    arm, chain = _described()
-    posture = forward_kinematics(chain, np.zeros(len(q)), q, {})
+def _loads(q: Array, v: Array) -> tuple[Array, Array]:
+    """Torque of gravity, centrifugal and Coriolis forces (C, 5), and the mass matrix (C, 5, 5) of the links.
+
+    `q`, `v`: (C, 5), angles and speeds. A centre of mass that the joints move by L q̇ has the acceleration L q̈ + L̇ q̇.
+    """
     g, M = np.zeros((len(q), JOINTS)), np.zeros((len(q), JOINTS, JOINTS))
+    gravity = np.array(_described()[0].gravity_m_per_s2)
+    for (mass, lever), (_, then), (_, before) in zip(
+        _levers(q), _levers(q + SHORT_S * v), _levers(q - SHORT_S * v), strict=True
+    ):
+        turning = np.einsum("cja,cj->ca", then - before, v) / (2.0 * SHORT_S)
+        g += mass * np.einsum("cja,ca->cj", lever, gravity - turning)
+        M += mass * lever @ lever.transpose(0, 2, 1)
+    return g, M
+
+
+def _levers(q: Array) -> list[tuple[float, Array]]:
+    """Mass (kg) of each body, and what its centre moves by for each rad of a joint, (C, 5, 3), m."""
+    arm, chain = _described()
+    posture, out = forward_kinematics(chain, np.zeros(len(q)), q, {}), []
     for number, body in enumerate(arm.bodies):
         lever = np.cross(posture.joint_axes, posture.centres[:, number, None] - posture.joint_points)
-        lever = lever * (np.arange(JOINTS) < body.loads_joint)[None, :, None]
-        g += body.mass_kg * lever @ np.array(arm.gravity_m_per_s2)
-        M += body.mass_kg * lever @ lever.transpose(0, 2, 1)
-    return g, M
+        out.append((body.mass_kg, lever * (np.arange(JOINTS) < body.loads_joint)[None, :, None]))
+    return out
 
 
 @cache

@@ -22,7 +22,7 @@ def draw(path: Path) -> None:
     for kind, (label, colour) in LOOKS.items():
         rover = SwingingRover(PWM_HZ, kind, within_mm=0.5)
         seconds, leg = rover.move(MOVE)
-        settle = rover.known.settle_s(leg)
+        settle = rover.known.settling(leg).usual
         tips = rover.tips(round(10.0 / rover.tick_s))
         away = 1e3 * np.linalg.norm(tips - tips[-1], axis=1)
         t = rover.tick_s * np.arange(1, len(away) + 1)

@@ -157,7 +157,7 @@ class SwingingRover:
 
     def go(self, pose: PlannedPose) -> ArmState:
         _, leg = self.move(np.array(pose.q))
-        self.settle_s = self.known.settle_s(leg)
+        self.settle_s = self.known.settling(leg).sure
         self.pass_ticks(4)
         return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
 

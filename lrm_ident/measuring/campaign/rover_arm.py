@@ -130,7 +130,7 @@ class RoverArm:
     @property
     def settle_s(self) -> float | None:
         """See `CampaignArm`."""
-        return self.rover.settle_s
+        return self.rover.settle_95_s
 
     @property
     def names(self) -> list[str]:

@@ -19,10 +19,12 @@ from lrm_ident.report.diagnosis.conclusion import MISSING, Conclusion, NextStep
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
+from lrm_math.effects.base import Parameter
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import MotionEffect
 
 SHOWN, BAR, LISTED = 8, 24, 4
+UNDETERMINED = "not determined by these moves"
 UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "rad_per_s2": (180.0 / np.pi, "deg/s²"),
          "s": (1e3, "ms"), "Hz": (1.0, "Hz"), "ratio": (1.0, ""), "rad_per_rad": (100.0, "%"),
          "rad_per_Nm": (180.0 / np.pi, "deg/N·m")}  # fmt: skip
@@ -219,19 +221,27 @@ def _runner_up(found: JointScreening, moves: Moves) -> str:
 def _claim(found: MotionCandidate) -> str:
     values, sigma = found.fit.by_key, found.fit.sigma
     return ", ".join(
-        f"{parameter.meaning} {_in_unit(parameter.unit, values[key], sigma[key])}"
+        f"{parameter.meaning} {estimate(parameter, values[key], sigma[key])}"
         for key, parameter in zip(found.effect.keys, found.effect.parameters, strict=True)
     )
 
 
 def _size(study: MotionStudy, effect: MotionEffect) -> str:
     rows = zip(effect.keys, effect.parameters, strict=True)
-    return ", ".join(_in_unit(p.unit, study.model.values[key], study.model.sigma.get(key, 0.0)) for key, p in rows)
+    return ", ".join(estimate(p, study.model.values[key], study.model.sigma.get(key, 0.0)) for key, p in rows)
 
 
-def _in_unit(unit: str, value: float, error: float) -> str:
-    factor, name = UNITS.get(unit, (1.0, unit.replace("_", " ")))
-    digits = max(0, min(4, 1 - int(np.floor(np.log10(max(error * factor, 1e-9)))))) if error > 0.0 else 3
+def estimate(parameter: Parameter, value: float, error: float) -> str:
+    """A value (SI) with its standard error, or that the moves do not determine it.
+
+    They do not where no move shows it, where its 95 % interval holds all that the catalogue allows, or, of what is
+    never zero, where its error is larger than itself.
+    """
+    covered = value - 1.96 * error <= parameter.lower and value + 1.96 * error >= parameter.upper
+    if error == 0.0 or covered or (parameter.lower > 0.0 and error > value):
+        return UNDETERMINED
+    factor, name = UNITS.get(parameter.unit, (1.0, parameter.unit.replace("_", " ")))
+    digits = max(0, min(4, 1 - int(np.floor(np.log10(max(error * factor, 1e-9))))))
     return f"{value * factor:.{digits}f} ± {error * factor:.{digits}f} {name}".rstrip()
 
 
@@ -255,7 +265,7 @@ def _errors(study: MotionStudy, title: str) -> ResultTable:
 def parameter_table(study: MotionStudy) -> ResultTable:
     """Estimates of all effects in people's units, with standard errors."""
     rows = [
-        (plain_name(effect.name), p.meaning, _in_unit(p.unit, study.model.values[key], study.model.sigma[key]))
+        (plain_name(effect.name), p.meaning, estimate(p, study.model.values[key], study.model.sigma[key]))
         for effect in study.model.effects
         for key, p in zip(effect.keys, effect.parameters, strict=True)
     ]  # fmt: skip

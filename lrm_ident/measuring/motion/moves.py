@@ -1,8 +1,8 @@
 """Moves of a recording: pieces of its episodes, each predicted from its beginning and its commands alone.
 
-A move begins half a second or more before its readings count: what the joint did before, friction's side and a swing,
-is then in the model's state, too. Moves are cut where the arm is slowest, and begin where it is: how far its set-point
-is ahead of a joint in quick motion, no reading shows.
+A move begins three to six seconds before its readings count (half a second at the beginning of an episode): what the
+joint did before is then in the model's state, too. No reading shows how far a limited set-point is ahead of its joint,
+or at what speed a swing begins, so moves begin where the arm is slowest, and what is left of an error there fades.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lrm_math.motion.effects import RestOffset
 from lrm_math.motion.loads import JointLoads, joint_loads, reference_inertia
 from lrm_math.motion.motion_model import MotionModel
 
-LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 1.5, 3.0, 6.0
+LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 6.0, 3.0, 6.0
 STEP_S = 0.0085
 """Longest step of the simulation: an eighth of the period of the fastest servo that the catalogue allows."""
 FOLDS = 5
@@ -189,7 +189,8 @@ def cut(
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Frames (S, T) of the moves, the last repeated in shorter ones, and which of them count.
 
-    `episodes`: how unfit for a cut each frame of an episode is, and its number. `longest_lead`: s.
+    `episodes`: how unfit for a cut each frame of an episode is, and its number. `longest_lead`: s; leads are half as
+    long at least where the episode permits.
     Raises `FileError`: too few moves.
     """
     found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt, longest_lead)]
@@ -225,14 +226,15 @@ def _pieces(
 ) -> list[tuple[NDArray[np.int64], int]]:
     """Frames of each move of an episode, its lead included, and the frames of the lead."""
     lead, most, shortest, longest = (round(s / dt) for s in (LEAD_S, longest_lead, SHORTEST_S, LONGEST_S))
+    least = max(lead, most // 2)
     out, begin = [], lead
     while len(rows) - begin >= shortest:
         rest = len(rows) - begin
         cut = rest if rest <= longest else shortest + int(np.argmin(unfit[begin + shortest : begin + longest]))
         if rest - cut < shortest and rest <= shortest + longest and rest > longest:
             cut = rest // 2
-        earlier = unfit[max(begin - most, 0) : begin - lead + 1]
-        own = lead + int(np.argmin(earlier[::-1]))
+        latest = max(begin - least, 0)
+        own = begin - latest + int(np.argmin(unfit[max(begin - most, 0) : latest + 1][::-1]))
         out.append((rows[begin - own : begin + cut], own))
         begin += cut
     return out

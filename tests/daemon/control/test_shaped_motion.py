@@ -135,8 +135,9 @@ def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
     assert found["off"].final_leg.move.waits == ()
     waited = sum(ticks for _, ticks in found["timed"].final_leg.move.waits)
     assert found["timed"].seconds == pytest.approx(found["off"].seconds + 0.0065 * waited, abs=0.0066)
-    known = sim.core.motion
-    assert known.settle_s(found["timed"].final_leg) < 0.7 * known.settle_s(found["off"].final_leg)
+    timed, plain = (sim.core.motion.settling(found[kind].final_leg) for kind in ("timed", "off"))
+    assert timed.usual < 0.7 * plain.usual
+    assert (timed.usual < timed.sure, plain.usual < plain.sure) == (True, True)
     two = MoveRequest(lease=token, waypoints=[{"joint1": 0.0}, GOAL], shaping="timed")
     sim.core.handle(two, sim.now)
     assert sim.core.orders.way.parts[-1][0].impulses != ()
@@ -159,7 +160,7 @@ def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: Sim
     assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
     known = sim.core.motion
     assert known is not None
-    assert known.settle_s(shaped.final_leg) < 0.5 * known.settle_s(plain.final_leg)
+    assert known.settling(shaped.final_leg).usual < 0.5 * known.settling(plain.final_leg).usual
 
 
 def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: SimulatedDaemon) -> None:

@@ -19,10 +19,11 @@ def recording(
     late: int = 0,
     offset: float = 0.01,
     drag: float = 0.0,
+    speed: float = np.inf,
 ) -> LeRobotFrames:
     """Six episodes in which joint 2 of five moves. `friction`: rad; `late`: frames of dead time.
 
-    `drag`: rad at 1 rad/s, with the square of speed.
+    `drag`: rad at 1 rad/s, with the square of speed. `speed`: rad/s, the largest of the set-point.
     """
     rng = np.random.default_rng(3)
     episodes = 6
@@ -31,7 +32,7 @@ def recording(
     for _ in range(episodes):
         told = _told(rng, count)
         command.append(told)
-        reading.append(_followed(told, frequency, damping, friction, late, drag) + offset)
+        reading.append(_followed(told, frequency, damping, friction, late, drag, speed) + offset)
     q = np.zeros((2, episodes * count, 5))
     q[0, :, JOINT], q[1, :, JOINT] = np.concatenate(command), np.concatenate(reading)
     noise = 0.4 * ENCODER * rng.normal(size=q[1].shape)
@@ -50,14 +51,16 @@ def _told(rng: np.random.Generator, count: int) -> Array:
     return np.array(rows[:count])
 
 
-def _followed(told: Array, frequency: float, damping: float, friction: float, late: int, drag: float) -> Array:
+def _followed(
+    told: Array, frequency: float, damping: float, friction: float, late: int, drag: float, speed: float
+) -> Array:
     omega, h = 2.0 * np.pi * frequency, 1.0 / FPS / FINE
     braking = damping * omega * h
-    q, v, out = float(told[0]), 0.0, []
+    q, v, out, goal = float(told[0]), 0.0, [], float(told[0])
     for k in range(len(told)):
         out.append(q)
-        goal = float(told[max(k - late, 0)])
         for _ in range(FINE):
+            goal += float(np.clip(told[max(k - late, 0)] - goal, -speed * h, speed * h))
             then = ((1.0 - braking) * v + h * omega**2 * (goal - q)) / (1.0 + braking)
             rub = h * omega**2 * (friction + drag * v * v)
             v = 0.0 if abs(then) <= rub else then - np.sign(then) * rub

@@ -232,6 +232,8 @@ def test_a_move_begins_where_the_arm_was_slow_before_its_readings_count() -> Non
     leads = first - rows[:, 0]
     assert len({*leads.tolist()}) > 1
     assert np.all((leads >= round(LEAD_S / dt)) & (leads <= round(LONGEST_LEAD_S / dt)))
+    half = round(0.5 * LONGEST_LEAD_S / dt)
+    assert np.all(leads >= np.minimum(first, half))
     for begin, lead in zip(first, leads, strict=True):
-        earlier = unfit[max(begin - round(LONGEST_LEAD_S / dt), 0) : begin - round(LEAD_S / dt) + 1]
+        earlier = unfit[max(begin - 2 * half, 0) : max(begin - half, 0) + 1]
         assert unfit[begin - lead] == earlier.min()

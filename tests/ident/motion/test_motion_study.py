@@ -14,6 +14,7 @@ from lrm_ident.measuring.motion.motion_report import (
     auto_document,
     comparison_document,
     diagnosis_document,
+    estimate,
     motion_document,
 )
 from lrm_ident.measuring.motion.motion_study import MotionStudy
@@ -30,6 +31,7 @@ from lrm_math.motion.effects import (
     RestOffset,
     ServoResponse,
     SpeedLimit,
+    Swing,
 )
 from lrm_math.motion.motion_model import load_motion
 from tests.ident.motion.arm_in_motion import FPS, JOINT, recording
@@ -70,6 +72,23 @@ def test_noise_is_what_does_not_follow_of_a_trembling_command() -> None:
     found = moves_of(replace(frames, command=frames.command + tremor, feedback=read), ARM, Path("x")).noise
     plain = moves_of(frames, ARM, Path("x")).noise
     np.testing.assert_allclose(found, np.hypot(plain, np.radians(0.02)), rtol=0.15)
+
+
+def test_a_set_point_that_lags_when_a_move_begins_is_where_it_was_when_its_readings_count() -> None:
+    own = MotionStudy.of(moves(speed=0.35), FEW).fit().add("speed_limit@joint2")
+    assert own.model.values["speed_limit.joint2.v_rad_per_s"] == pytest.approx(0.35, rel=1e-3)
+    assert np.sqrt(own.fits[JOINT].held_out.max()) < 1.5 * own.moves.noise[JOINT]
+
+
+def test_what_moves_do_not_determine_is_said_in_words() -> None:
+    frequency, damping, mass = Swing.parameters
+    unknown = "not determined by these moves"
+    assert estimate(frequency, 14.0, 48.0) == unknown
+    assert estimate(frequency, 5.0, 6.0) == unknown
+    assert estimate(damping, 0.05, 0.0) == unknown
+    assert estimate(mass, 2.0, 4.0) == unknown
+    assert estimate(frequency, 5.0, 0.1) == "5.00 ± 0.10 Hz"
+    assert estimate(mass, 0.0, 0.1) == "0.00 ± 0.10"
 
 
 def test_a_sound_servo_is_identified_and_nothing_is_missing() -> None:

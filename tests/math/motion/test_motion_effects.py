@@ -20,6 +20,9 @@ from lrm_math.motion.effects import (
     DeadTime,
     Drag,
     DriveLimit,
+    GravitySag,
+    InertialCoupling,
+    LinkInertia,
     MotionPlay,
     RestOffset,
     ServoResponse,
@@ -126,6 +129,30 @@ def test_drag_brakes_as_small_steps_do(braking: float, power: float) -> None:
         expected.append(q)
     found = moved(told, (ServoResponse, (5.0, 0.8)), (Drag, (braking, power)))
     np.testing.assert_allclose(found, expected, atol=5e-3)
+
+
+@pytest.mark.parametrize("kind", [GravitySag, InertialCoupling])
+@pytest.mark.parametrize("heavier", [-0.004, 0.02])
+def test_one_compliance_yields_to_what_others_push_and_to_its_own_links_inertia(
+    kind: type[MotionEffect], heavier: float
+) -> None:
+    """J q̈ = K (u − q) − D q̇ + τ with K = 1/k and J = K/ω² + M − M₀."""
+    k, omega, ratio, M = 0.03, 2.0 * np.pi * 4.0, 0.5, 0.01
+    pushed = 0.3 * np.sin(np.arange(STEPS) * H)[:, None]
+    loads = JointDrive(H, step(0.5)[:, None], NONE, pushed, NONE + M + heavier, M, np.zeros(1), np.zeros(1))
+    servo, found = ServoResponse(ARM, "joint2"), kind(ARM, "joint2")
+    values = [[np.array([[omega / 2.0 / np.pi]]), np.array([[ratio]])], [np.array([[k]])]]
+    J = 1.0 / k / omega**2 + heavier
+    slower = np.sqrt(1.0 / k / omega**2 / J)
+    own = [[np.array([[slower * omega / 2.0 / np.pi]]), np.array([[slower * ratio]])]]
+    alone = drive(step(0.5) + k * pushed[:, 0])
+    np.testing.assert_allclose(simulate([servo, found], values, loads), simulate([servo], own, alone), atol=1e-9)
+
+
+def test_a_share_of_links_that_weigh_nothing_in_the_middle_is_refused() -> None:
+    varies = 0.01 * np.sin(np.arange(STEPS))[:, None] ** 2
+    loads = JointDrive(H, step(0.5)[:, None], NONE, NONE, varies, 1e-33, np.zeros(1), np.zeros(1))
+    assert LinkInertia(ARM, "joint1").missing_excitation(loads) is not None
 
 
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.4, 3.0])

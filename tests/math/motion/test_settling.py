@@ -61,18 +61,19 @@ def test_several_paths_and_frequencies_give_the_time_of_a_share_of_their_cases()
     for k, ahead in ((1, 2), (2, 4)):  # those arrive sooner, and stand at the goal
         paths[k] = np.vstack([paths[0, ahead:], np.tile(GOAL, (ahead, 1))])
     single = sorted(
-        settling_after(known, START, path[None], step, 1e-4, frequency_factors=(off,)).seconds
+        settling_after(known, START, path[None], step, 1e-4, frequency_factors=(off,))[0].seconds
         for path in paths
         for off in (0.9, 1.1)
     )
     both = sorted(
-        settling_after(known, START, paths[:1], step, 1e-4, frequency_factors=(off,)).seconds for off in (0.9, 1.1)
+        settling_after(known, START, paths[:1], step, 1e-4, frequency_factors=(off,))[0].seconds for off in (0.9, 1.1)
     )
     for share, expected in ((1.0, both[1]), (0.5, both[0])):
-        alike = settling_after(known, START, paths[[0, 0]], step, 1e-4, frequency_factors=(0.9, 1.1), share=share)
+        twice = paths[[0, 0]]
+        alike = settling_after(known, START, twice, step, 1e-4, frequency_factors=(0.9, 1.1), shares=(share,))[0]
         assert alike.seconds == pytest.approx(expected), "exact where the ways are the same"
     for share, expected in ((1.0, single[-1]), (0.5, single[2]), (0.75, single[4])):
-        found = settling_after(known, START, paths, step, 1e-4, frequency_factors=(0.9, 1.1), share=share)
+        found = settling_after(known, START, paths, step, 1e-4, frequency_factors=(0.9, 1.1), shares=(share,))[0]
         assert found.seconds == pytest.approx(expected, abs=1.0 / 3.0), (
             "one swing at most: the inertia is that of the mean of the ways"
         )
