@@ -16,7 +16,12 @@ from lrm_ident.data.measurement_file.known_columns import (
     commanded_quantities,
     measured_quantities,
 )
-from lrm_ident.data.measurement_file.measured_columns import out_of_reach, with_comparable, without_lost
+from lrm_ident.data.measurement_file.measured_columns import (
+    out_of_reach,
+    with_comparable,
+    without_copies,
+    without_lost,
+)
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
@@ -82,7 +87,7 @@ def read_measured(
     if touched.touched and said.how.frame is not None:
         raise FileError(path, "frame", "touched points have frames of their own", "leave out frame (--frame)")
     seen = with_comparable(touched, table, arm)
-    seen = without_lone(seen) if touched.touched else without_lost(seen)
+    seen = without_lone(seen) if touched.touched else without_copies(without_lost(seen), table)
     if np.linalg.det(said.rotation) < 0 and seen.of(Orientations):
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
     beyond = tuple((int(data.pose[row]), error) for row, error in (*table.beyond, *out_of_reach(arm, table)))
