@@ -177,7 +177,7 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
 
 def _not_identified(report: DiagnosisReport, why: str) -> str:
     """That no cause was identified: for what the causes leave that the model has already, if it has any."""
-    return f"{NOT_IDENTIFIED}{' for the rest' if _has_already(report) else ''}: {why}"
+    return f"{NOT_IDENTIFIED}{' for the remaining error' if _has_already(report) else ''}: {why}"
 
 
 def _quiet_headline(report: DiagnosisReport) -> str:
@@ -304,23 +304,33 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         return f"{plain_name(first.name)}: {arrow(report.held_out.rms, first.held_out_rms)} mm RMS"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == Support.POSSIBLE_CAUSE:
-        explained, left = explained_by_first(report) or (0.0, 0.0)
-        ratio = unexplained_ratio(explained, left)
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
-        if not report.replicates:
-            return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
-        if first.name in report.misspecified:
-            return f"only a candidate cause: {OTHERWISE}.{rivals}"
-        if explained <= 0.0:
-            return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"
-        return (
-            f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
-            f"{MAX_UNEXPLAINED_RATIO:.2f}), so the cause may be another.{rivals}"
-        )
+        why = why_candidate(report, first.name, report.replicates, *(explained_by_first(report) or (0.0, 0.0)))
+        return f"only a candidate cause: {why}.{rivals}"
     if beside:
         return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
     return f"identified: {_runner_up(report, first)}{unsure}"
+
+
+def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explained: float, left: float) -> str:
+    """Why an effect is a candidate cause and no identified one.
+
+    Args:
+        replicates: whether both halves of the data choose it. explained, left: squared errors that it explains, and
+            that stay unexplained, in one unit.
+    """
+    if not replicates:
+        return "the two halves of the data do not agree on it"
+    if name in report.misspecified:
+        return OTHERWISE
+    if explained <= 0.0:
+        return "it does not lower the error of the tip, so the cause may be another"
+    ratio = unexplained_ratio(explained, left)
+    return (
+        f"{ratio:.1f} times the squared error that it explains stays unexplained (limit {MAX_UNEXPLAINED_RATIO:.2f}), "
+        "so the cause may be another"
+    )
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -432,5 +442,6 @@ def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[
         yield NextStep(next_step(report), f"lrm-ident propose {model} {data} -o law.py")
     else:
         yield NextStep(next_step(report))
-    if report.verdict == Verdict.UNPREDICTABLE:
-        yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=STOPGAP)
+    if report.verdict != Verdict.NOTHING_MISSING:
+        lead = "or" if report.verdict == Verdict.UNEXPLAINED_STRUCTURE else STOPGAP
+        yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=lead)
