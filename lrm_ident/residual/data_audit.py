@@ -13,6 +13,8 @@ from lrm_math.effects.base import FEW_REVERSALS, Excitation
 from lrm_math.kinematics.poses import Poses
 
 FEW_LEVELS, STRONG_CORRELATION = 4, 0.8
+UNLOADED = 0.05
+"""Share of the largest torque up to which gravity does not load a joint: that of a vertical axis that leans by 3°."""
 MOST_OF_RANGE = 2 / 3
 """Share of a joint's range from which a verdict speaks for the whole of it: a convention."""
 
@@ -99,7 +101,9 @@ def _reversals(excitation: Excitation) -> Iterator[Limitation]:
 
 
 def _signs(excitation: Excitation) -> Iterator[Limitation]:
-    same = [i + 1 for i, tau in enumerate(excitation.torque.T) if not excitation.both_signs(tau)]
+    size = np.abs(excitation.torque).max(axis=0)
+    loaded = np.flatnonzero(size > UNLOADED * size.max()).tolist()
+    same = [i + 1 for i in loaded if not excitation.both_signs(excitation.torque[:, i])]
     if same:
         yield Limitation(LimitationKind.ONE_SIDED, tuple(same))
 

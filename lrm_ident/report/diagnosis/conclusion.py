@@ -23,7 +23,7 @@ from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
-from lrm_ident.report.text.poses import limitation_sentence, where_measured
+from lrm_ident.report.text.poses import limitation_sentence, rows_in_order_of, where_measured
 from lrm_ident.report.text.residuals import (
     BLACK_BOX,
     predictable_brief,
@@ -32,10 +32,11 @@ from lrm_ident.report.text.residuals import (
     shifted_sentence,
 )
 from lrm_ident.report.text.variables import function_name
-from lrm_ident.residual.data_audit import where_it_holds
+from lrm_ident.residual.data_audit import LimitationKind, where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
+from lrm_math.arm.place_names import joint_numbers
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.effects.targets import FRAME_PLACE
 
@@ -47,7 +48,7 @@ FIRST = (
     "hidden at most",
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
-FOLDED = ("black-box model", "left out")
+FOLDED = ("black-box model",)
 """Facts that a terminal shows with `--all` only."""
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
@@ -55,6 +56,8 @@ NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
 OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
+ORDERED = frozenset({"direction", "time", "session"})
+"""What an effect depends on if the order of the poses decides it."""
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
@@ -223,6 +226,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         yield "black-box model", predictable_brief(report.patterns.predictable)
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
+    yield "order", _order(report)
     yield "where", regime_brief(report.patterns.regimes[0]) if report.patterns.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     rows = map(shifted_sentence, report.diagnosis.shifted)
@@ -394,6 +398,21 @@ def _far_poses(report: DiagnosisReport) -> Iterator[str]:
             f"The direction of approach of pose {enumerate_words(blind, 2 * LISTED)} is not known, and the model needs "
             "it: state start_q_deg in the file beside the data, or the columns approach."
         )
+
+
+def _order(report: DiagnosisReport) -> str:
+    """That the order of the rows may not be that of the measurement, where an effect depends on it or on that joint."""
+    follows = [one for one in report.limitations if one.kind is LimitationKind.ORDER]
+    if not follows or report.diagnosis.data.poses.t is not None:
+        return ""
+    first, joints = report.first, {joint - 1 for one in follows for joint in one.joints}
+    effects = [*_has_already(report).values(), *([] if first is None else [first.scored.candidate.effect])]
+    concerned = [
+        plain_name(effect.name)
+        for effect in effects
+        if effect.remembers or not ORDERED.isdisjoint(effect.depends_on) or joints & {*joint_numbers(effect.place)}
+    ]
+    return rows_in_order_of(follows[0], enumerate_words(concerned, IN_HEADLINE)) if concerned else ""
 
 
 def _may_hide(report: DiagnosisReport) -> str:

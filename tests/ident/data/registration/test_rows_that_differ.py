@@ -94,7 +94,7 @@ def test_a_row_that_is_left_out_is_not_tested(tmp_path: Path) -> None:
 
 def test_only_the_pose_that_tore_the_fit_is_proposed_to_be_left_out(tmp_path: Path) -> None:
     path = typed_wrongly(tmp_path, 40, 10, "754.0")
-    assert "--leave-out 40;" in stdout_of("fit", str(path), "--arm", "lrm-lab")
+    assert "add --leave-out 40. To" in stdout_of("fit", str(path), "--arm", "lrm-lab")
 
 
 @pytest.mark.parametrize("first", [200, 260])
