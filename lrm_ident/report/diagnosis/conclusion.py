@@ -6,7 +6,7 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
-from lrm_ident.report.text.poses import limitation_sentence, rows_in_order_of, where_measured
+from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_in_order_of, where_measured
 from lrm_ident.report.text.residuals import (
     BLACK_BOX,
     predictable_brief,
@@ -39,6 +39,7 @@ from lrm_math.arm.arm import JointLimits
 from lrm_math.arm.place_names import joint_numbers
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.effects.targets import FRAME_PLACE
+from lrm_math.kinematics.history import PACE_S
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
@@ -56,6 +57,8 @@ NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
 OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
+MORE_POSES = 40
+"""Poses to measure where those there lack something."""
 ORDERED = frozenset({"direction", "time", "session"})
 """What an effect depends on if the order of the poses decides it."""
 PART = 0.15
@@ -150,10 +153,12 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     hopeless = () if advice is None or advice.helps else (hopeless_words(advice),)
     tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
     quiet = report.verdict.quiet
+    facts = tuple((label, words) for label, words in _facts(report, attribution) if words)
+    lacks = [one for one in report.limitations if one.kind is not LimitationKind.ORDER or "order" not in dict(facts)]
     return Conclusion(
         headline=_headline(report, attribution),
-        facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=(*hopeless, *map(limitation_sentence, report.limitations))[:REASONS] if tells_why and not quiet else (),
+        facts=facts,
+        reasons=(*hopeless, *map(limitation_sentence, lacks))[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -401,18 +406,26 @@ def _far_poses(report: DiagnosisReport) -> Iterator[str]:
 
 
 def _order(report: DiagnosisReport) -> str:
-    """That the order of the rows may not be that of the measurement, where an effect depends on it or on that joint."""
-    follows = [one for one in report.limitations if one.kind is LimitationKind.ORDER]
-    if not follows or report.diagnosis.data.poses.t is not None:
+    """What rows without a time leave open, where an effect depends on the order of the poses or on a joint that the
+    order follows."""
+    if report.diagnosis.data.poses.t is not None:
         return ""
-    first, joints = report.first, {joint - 1 for one in follows for joint in one.joints}
+    first = report.first
     effects = [*_has_already(report).values(), *([] if first is None else [first.scored.candidate.effect])]
+    timed = any(effect.remembers or "time" in effect.depends_on for effect in effects)
+    return "; ".join(filter(None, (_follows_joint(report, effects), paced_words(PACE_S) if timed else "")))
+
+
+def _follows_joint(report: DiagnosisReport, effects: Sequence[Effect]) -> str:
+    """That the order of the rows may not be that of the measurement."""
+    follows = [one for one in report.limitations if one.kind is LimitationKind.ORDER]
+    joints = {joint - 1 for one in follows for joint in one.joints}
     concerned = [
         plain_name(effect.name)
         for effect in effects
         if effect.remembers or not ORDERED.isdisjoint(effect.depends_on) or joints & {*joint_numbers(effect.place)}
     ]
-    return rows_in_order_of(follows[0], enumerate_words(concerned, IN_HEADLINE)) if concerned else ""
+    return rows_in_order_of(follows[0], enumerate_words(concerned, IN_HEADLINE)) if follows and concerned else ""
 
 
 def _may_hide(report: DiagnosisReport) -> str:
@@ -428,7 +441,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     model, data, arm = map(shlex.quote, astuple(names))
     first, advice = report.first, advice_of(report)
     if first is None or attribution is None:
-        yield from _without_effect(report, model, data)
+        yield from _without_effect(report, model, data, arm)
         return
     add = f"lrm-ident add {model} {data} {shlex.quote(first.name)} -o better.toml"
     lead, words = "or", "Adds it to the model and refits all parameters."
@@ -451,13 +464,16 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[NextStep]:
+def _without_effect(report: DiagnosisReport, model: str, data: str, arm: str) -> Iterator[NextStep]:
     """The next steps after a verdict without an effect to add."""
     if report.verdict == Verdict.NOTHING_MISSING:
         yield NextStep(DEPLOY, f"lrm deploy {model}", VERIFY)
         export = f"lrm-ident arm export {model} -o arm.urdf"
         yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
+        if report.limitations:
+            design = f"lrm-ident design {arm} --model {model} --have {data} --levels any -n {MORE_POSES} -o next.csv"
+            yield NextStep(f"Writes poses at any angles, in random order. Measure there, append to {data}.", design)
         yield NextStep(next_step(report), f"lrm-ident propose {model} {data} -o law.py")
     else:
         yield NextStep(next_step(report))

@@ -185,7 +185,8 @@ def course_document(
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
     open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
-    blocks: list[Block] = [*told, *replace(last, facts=open_facts, reasons=()).blocks()]
+    sure = any(one.kind == Support.FINDING for one in attributed)
+    blocks: list[Block] = [*told, *replace(last, facts=open_facts, reasons=() if sure else last.reasons).blocks()]
     details: list[Block] = [*tables, *last.blocks(), *rest.details]
     return Document(blocks, "lrm/course/1", values, details=details, about=f"errors of the last model, {LAST}")
 

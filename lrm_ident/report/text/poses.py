@@ -34,6 +34,11 @@ def rows_in_order_of(one: Limitation, effects: str) -> str:
     )
 
 
+def paced_words(pace_s: float) -> str:
+    """What times mean where none were measured."""
+    return f"without t_s, poses count as {pace_s:g} s apart: times and time constants are not known"
+
+
 def _joints(numbers: Sequence[int]) -> str:
     names = list(map(str, numbers))
     if len(names) > 2 and len(names) == numbers[-1] - numbers[0] + 1:
