@@ -106,10 +106,19 @@ def stated_units(table: CsvTable) -> Reading:
     return Reading.model_validate(units)
 
 
+def unused_columns(table: CsvTable, known: Sequence[PoseQuantity]) -> tuple[str, ...]:
+    """Names of the columns that mean none of the `known` quantities."""
+    names = _meant(known)
+    return tuple(name for name in table.header if name and name not in names)
+
+
+def _meant(known: Sequence[PoseQuantity]) -> set[str]:
+    return {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
+
+
 def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
     """Columns that are not used, and those that are read under another name or in another unit."""
-    names = {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
-    unknown = [name for name in table.header if name and name not in names]
+    names, unknown = _meant(known), unused_columns(table, known)
     absent = {what: name for name, what in MISSED if name in names and name not in table.header}
     hint = f". If one is a {_either([*absent])}, name it {_either([*absent.values()])}" if absent else ""
     notices = [f"columns not used: {', '.join(unknown)}{hint}"] if unknown else []

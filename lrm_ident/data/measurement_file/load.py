@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units
+from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units, unused_columns
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians, pose_notices, read_poses
 from lrm_ident.data.measurement_file.conventions import conventions_of, motion_of
 from lrm_ident.data.measurement_file.known_columns import (
@@ -81,6 +81,7 @@ def read_measured(
             servos=said.metadata.servos,
             reading=said.how,
             stated=said.how.over(units),
+            unused=unused_columns(cells, known),
         ),
     )
     touched = with_touches(data, table, said.metadata)

@@ -35,6 +35,7 @@ from lrm_ident.data.registration.reading_check import (
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.touched import in_frame_of_touches, misread_touches
 from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import total_mass
@@ -45,7 +46,7 @@ from lrm_math.model.model import model_of
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import tool_rotation
 
-MOST = 100
+MOST, LISTED = 100, 4
 FAR, BETTER = np.radians(15.0), 0.5
 """An orientation error that no assembled arm has, and the part of it that another reading must come below."""
 NOT_THIS_ARM = np.radians(45.0)
@@ -69,7 +70,7 @@ class Misread(FileError):
             return
         if not check.found:
             what = f"{missed}; no other unit, frame or axes and no sign or order of the joints explains them"
-            super().__init__(path, part, what, WHAT_ELSE)
+            super().__init__(path, part, what, f"{WHAT_ELSE}{_unused(data)}")
             return
         words = ", or ".join(" and ".join(scored.hypothesis.words) for scored in check.found)
         remedies = ", or ".join(remedy(scored.hypothesis, stated) for scored in check.found)
@@ -77,7 +78,13 @@ class Misread(FileError):
             rows = f"{data.pose[0]}-{data.pose[-1]}"
             remedies = f"correct its rows ({remedies} reads them so), or leave them out: --leave-out {rows}"
         then = f"(then {arm.name}, roughly fitted, misses the positions by {_millimetres(check.found[0])}, as read by "
-        super().__init__(path, part, words, f"if so: {remedies} {then}{_millimetres(check.read)})")
+        super().__init__(path, part, words, f"if so: {remedies} {then}{_millimetres(check.read)}){_unused(data)}")
+
+
+def _unused(data: Measurements) -> str:
+    """That columns are not used, of which one may be what moves the tip, such as a rail below the arm."""
+    columns = enumerate_words(data.source.unused, LISTED)
+    return f"; not used, though it may move the tip: {columns}" if columns else ""
 
 
 def load_checked(

@@ -107,3 +107,18 @@ def test_a_session_whose_axes_were_swapped_is_named(measured: Measurements, firs
         _check(ARM, data)
     assert str(data.pose[first]) in str(fault.value)
     assert _check(ARM, replace(measured, poses=replace(measured.poses, session=session))) == ()
+
+
+def test_a_column_that_is_not_used_is_said_where_nothing_fits(tmp_path: Path) -> None:
+    """A rail below the arm: y was said not to belong to these angles, and nothing told that a column was left out."""
+    header, *rows = EXAMPLE.read_text(encoding="utf-8").splitlines()[:91]
+    random, y = np.random.default_rng(4), header.split(",").index("y_mm")
+    lines = [f"rail_mm,{header}"]
+    for row in rows:
+        cells, rail = row.split(","), float(random.choice([0.0, 150.0, 300.0, 450.0]))
+        cells[y] = f"{float(cells[y]) + rail:.3f}"
+        lines.append(f"{rail:g},{','.join(cells)}")
+    path = tmp_path / "rail.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(Misread, match="not used, though it may move the tip: rail_mm"):
+        load_checked(path, ARM)
