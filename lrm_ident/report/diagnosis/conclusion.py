@@ -31,7 +31,7 @@ from lrm_ident.report.text.residuals import (
     scale_sentence,
     shifted_sentence,
 )
-from lrm_ident.report.text.variables import function_name
+from lrm_ident.report.text.variables import function_name, what_may_change
 from lrm_ident.residual.data_audit import LimitationKind, where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -377,7 +377,8 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0] if found.functions else next(iter(left), None)
     if best is None or best not in left or 1.0 - (left[best] / held_out) ** 2 < PART:
         return ""
-    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm"
+    question = what_may_change(best)
+    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm{question and f'. {question}'}"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
