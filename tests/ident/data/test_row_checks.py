@@ -131,7 +131,7 @@ def test_a_fit_with_a_few_wrong_rows_says_how_to_leave_them_out(tmp_path: Path) 
         rows[wrong][-1] = str(float(rows[wrong][-1]) + 150.0)
     path = example(tmp_path, rows)
     out = stdout_of("fit", path, "--all")
-    assert "--leave-out 11,51,91; or give them less weight: --loss huber" in out
+    assert "add --leave-out 11,51,91. To weigh them less: --loss huber" in out
     without = stdout_of("fit", path, "--leave-out", "11,51,91")
     assert "Outliers: " in without
     assert "--leave-out" not in without, "the poses that a hidden play throws far off are no wrong measurements"
