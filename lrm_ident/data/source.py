@@ -22,6 +22,7 @@ class Source:
         left_out: numbers of poses that were taken out.
         arm_name: of a shipped arm, or path of its file, as a model file or the one beside the data names it; None: the
             arm's own name.
+        unused: names of the file's columns that nothing is read from.
         servos: settings of the servos that were measured with; None: not known.
     """
 
@@ -33,6 +34,7 @@ class Source:
     stated: Reading = AS_NAMED
     left_out: tuple[int, ...] = ()
     arm_name: str | None = None
+    unused: tuple[str, ...] = ()
     servos: ServoSettings | None = None
 
     def noting(self, *notices: str) -> Source:

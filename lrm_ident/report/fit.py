@@ -182,7 +182,7 @@ def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
     far = sorted(fit.outliers, key=lambda row: -squares[row])
     most = int(np.searchsorted(np.cumsum(squares[far]), MOST_OF_OUTLIERS * squares[far].sum())) + 1
     numbers = ",".join(str(data.pose[row]) for row in sorted(far[:most]))
-    return [f"If these measurements are wrong: --leave-out {numbers}; or give them less weight: --loss huber"]
+    return [f"If they are wrong, fit again without them: add --leave-out {numbers}. To weigh them less: --loss huber"]
 
 
 def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Document:

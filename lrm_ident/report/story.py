@@ -170,9 +170,9 @@ def _alike(one: float | None, other: float | None) -> bool:
 
 
 def _counted(steps: Sequence[StoryStep]) -> str:
-    """Steps by what they are, `1 identified cause + 2 empirical terms`; one identified cause by its name."""
+    """Steps by what they are, `with 1 identified cause and 2 empirical terms:`; one identified cause by its name."""
     if [one.kind for one in steps] == ["identified cause"]:
         return f"with {steps[0].title}:"
     counts = Counter(one.kind for one in steps)
-    words = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()]
-    return " + ".join(words)
+    *words, last = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()]
+    return f"with {', '.join(words)}{' and ' if words else ''}{last}:"

@@ -13,6 +13,9 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Excitation
 from lrm_math.kinematics.poses import Poses
 
+UNLOADED = 0.05
+"""Share of the largest torque up to which gravity does not load a joint: that of a vertical axis that leans by 3°."""
+
 
 class LimitationKind(StrEnum):
     """What poses lack; the joints are those that lack it."""
@@ -96,7 +99,9 @@ def _reversals(excitation: Excitation) -> Iterator[Limitation]:
 
 
 def _signs(excitation: Excitation) -> Iterator[Limitation]:
-    same = [i + 1 for i, tau in enumerate(excitation.torque.T) if not excitation.both_signs(tau)]
+    size = np.abs(excitation.torque).max(axis=0)
+    loaded = np.flatnonzero(size > UNLOADED * size.max()).tolist()
+    same = [i + 1 for i in loaded if not excitation.both_signs(excitation.torque[:, i])]
     if same:
         yield Limitation(LimitationKind.ONE_SIDED, tuple(same))
 

@@ -29,19 +29,20 @@ AGAIN = "Repair or recalibrate it, record two minutes with some stops, and type:
 BOARD = "Prints a board for lrm-ident camera read, which shows what encoders cannot see."
 FEW = 2
 """Faults beside which the table of the joints has its place."""
+CALIBRATE = "Calibrate it again, and the leader arm if one was used"
+"""A recording does not state whether a leader arm, a gamepad or a program commanded the arm."""
 WORDS: dict[Cause, str] = {
     "droop": "sags by up to {size} under gravity ({slope}): its servo yields. Raise its P gain, or calibrate the arm",
     "dead band": "stops at two angles, {size} apart, depending on the side it comes from (dead band, friction). Raise "
     "its P gain, let it cool, or replace the servo",
-    "offset": "stands {size} {side} its command everywhere: leader and follower have different zeros. Calibrate both "
-    "again",
+    "offset": f"stands {{size}} {{side}} its command everywhere: command and encoder have different zeros. {CALIBRATE}",
     "drift": "drifts by {size} while it works: it warms up. Reduce its load, or record when it is warm",
     "slip": "jumps by {size} before stop {rest} (episode {episode}) and stays there: its zero moved, because something "
     "slipped or it was recalibrated. Tighten its screws and calibrate it again",
-    "gain": "turns {gain} times as far as it is commanded, off by up to {size}. Calibrate leader and follower again",
+    "gain": f"turns {{gain}} times as far as it is commanded, off by up to {{size}}. {CALIBRATE}",
     "full turn": "reads a full turn beside {turned}: it crosses the seam of its encoder. Calibrate it in the "
     "middle of its range",
-    "reversed": "turns against its command. Set drive_mode of its motor, or calibrate both again",
+    "reversed": f"turns against its command. Set drive_mode of its motor, or: {CALIBRATE}",
     "swapped": "follows the command of {other}. Check whether the ids or the plugs of the two motors are swapped",
     "frozen": "stands still at {rests} while it is commanded to move, up to {size} off. Check that its motor "
     "answers and that its torque is on",

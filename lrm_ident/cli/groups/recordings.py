@@ -169,7 +169,7 @@ def checkup(
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
 ) -> None:
-    """Check a LeRobot recording for faults of the arm: sag, dead band, leader offset, drift, a slipped horn.
+    """Check a LeRobot recording for faults of the arm: sag, dead band, zero offset, drift, a slipped horn.
 
     Also finds a joint that is reversed, swapped with another, frozen, or past its encoder's seam.
 

@@ -106,12 +106,21 @@ def stated_units(table: CsvTable) -> Reading:
     return Reading.model_validate(units)
 
 
+def unused_columns(table: CsvTable, known: Sequence[PoseQuantity]) -> tuple[str, ...]:
+    """Names of the columns that mean none of the `known` quantities."""
+    names = _meant(known)
+    return tuple(name for name in table.header if name and name not in names)
+
+
+def _meant(known: Sequence[PoseQuantity]) -> set[str]:
+    return {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
+
+
 def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
     """Columns that are not used, and those that are read under another name or in another unit."""
-    names = {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
-    unknown = [name for name in table.header if name and name not in names]
-    absent = [f"a {what} '{name}'" for name, what in MISSED if name in names and name not in table.header]
-    hint = f"; name {' and '.join(absent)}, if it is there" if absent else ""
+    names, unknown = _meant(known), unused_columns(table, known)
+    absent = {what: name for name, what in MISSED if name in names and name not in table.header}
+    hint = f". If one is a {_either([*absent])}, name it {_either([*absent.values()])}" if absent else ""
     notices = [f"columns not used: {', '.join(unknown)}{hint}"] if unknown else []
     taken = [
         own
@@ -121,6 +130,10 @@ def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
         and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
     ]
     return [*notices, f"read as: {', '.join(_taken_for(taken))}"] if taken else notices
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def _taken_for(columns: Sequence[Column]) -> Iterator[str]:
@@ -143,7 +156,7 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
 
     Raises `FileError`: two columns that are the same by name.
     """
-    named = _names_of_joints(table, joints)
+    named = _names_of_joints(table, joints) or _numbered_alike(table, len(joints))
     turned = _leica_quaternion(table)
     found = [
         Column(turned[name], name)
@@ -183,6 +196,25 @@ def _names_of_joints(table: CsvTable, joints: Sequence[str]) -> dict[str, str]:
         if all(joints) and {*names.values()} <= {names.get(word) for word in words}:
             named |= names
     return named
+
+
+def _numbered_alike(table: CsvTable, count: int) -> dict[str, str]:
+    """Our columns by names, squeezed, that differ by their number alone: `Achse1` … `Achse6`, in whatever language.
+
+    Empty where a column is known as a joint's, or not exactly one such family has as many columns as the arm joints.
+    """
+    known = [column_name(name) for name in table.header]
+    if any(column is not None and ANGLES.fullmatch(column.name) for column in known):
+        return {}
+    families: defaultdict[str, dict[int, str]] = defaultdict(dict)
+    for name, column in zip(table.header, known, strict=True):
+        for words, unit in _readings(name) if column is None else ():
+            if (numbered := re.fullmatch(r"(\D+)(\d+)", words)) and unit in (None, *ANGLE_UNITS):
+                families[numbered[1]][int(numbered[2])] = words
+    whole = [names for names in families.values() if sorted(names) in ([*range(count)], [*range(1, count + 1)])]
+    if len(whole) != 1:
+        return {}
+    return {words: ANGLE.format(number) for number, words in whole[0].items()}
 
 
 def _leica_quaternion(table: CsvTable) -> dict[str, str]:
@@ -252,14 +284,14 @@ def column_name(text: str, named: Mapping[str, str] = MappingProxyType({})) -> C
 
 
 def _readings(text: str) -> Iterator[tuple[str, str | None]]:
-    """The name without its unit, and the unit: `X [mm]`, `x(mm)`, `x_mm`, `x mm`, `Xmm` after a digit, or no unit."""
+    """The name without its unit, and the unit: `X [mm]`, `x(mm)`, `x_mm`, `x mm`, `x in mm`, or no unit."""
     plain = text.strip().lower()
     bracketed = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*(.+?)\s*[\])]", plain)
     if bracketed:
         if bracketed[2] in UNIT_WORDS:
             yield _squeezed(bracketed[1]), UNIT_WORDS[bracketed[2]]
         return
-    divided = re.fullmatch(r"(.+?)[\s_./-]+([^\s_./-]+)", plain)
+    divided = re.fullmatch(r"(.+?)(?:[\s_]+in)?[\s_./-]+([^\s_./-]+)", plain)
     if divided and divided[2] in UNIT_WORDS:
         yield _squeezed(divided[1]), UNIT_WORDS[divided[2]]
     yield _squeezed(plain), None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units
+from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units, unused_columns
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians, pose_notices, read_poses
 from lrm_ident.data.measurement_file.conventions import conventions_of, motion_of
 from lrm_ident.data.measurement_file.known_columns import (
@@ -16,7 +16,12 @@ from lrm_ident.data.measurement_file.known_columns import (
     commanded_quantities,
     measured_quantities,
 )
-from lrm_ident.data.measurement_file.measured_columns import out_of_reach, with_comparable, without_lost
+from lrm_ident.data.measurement_file.measured_columns import (
+    out_of_reach,
+    with_comparable,
+    without_copies,
+    without_lost,
+)
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
@@ -76,13 +81,14 @@ def read_measured(
             servos=said.metadata.servos,
             reading=said.how,
             stated=said.how.over(units),
+            unused=unused_columns(cells, known),
         ),
     )
     touched = with_touches(data, table, said.metadata)
     if touched.touched and said.how.frame is not None:
         raise FileError(path, "frame", "touched points have frames of their own", "leave out frame (--frame)")
     seen = with_comparable(touched, table, arm)
-    seen = without_lone(seen) if touched.touched else without_lost(seen)
+    seen = without_lone(seen) if touched.touched else without_copies(without_lost(seen), table)
     if np.linalg.det(said.rotation) < 0 and seen.of(Orientations):
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
     beyond = tuple((int(data.pose[row]), error) for row, error in (*table.beyond, *out_of_reach(arm, table)))

@@ -1,6 +1,6 @@
 """Measured columns of poses: what can be weighed together is used, and what is not, or cannot be meant, is said.
 
-Positions of a lost or frozen tracker are left out.
+Positions of a lost or frozen tracker, and rows that are copies, are left out.
 """
 
 from __future__ import annotations
@@ -95,6 +95,26 @@ def without_lost(data: Measurements) -> Measurements:
         raise data.source.fault("every position is 0, 0, 0", "was the tracker on?")
     count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
     return _left_out(data, lost, f"{count}, and left out")
+
+
+def without_copies(data: Measurements, table: NumberTable) -> Measurements:
+    """The measurements without rows in which every quantity is that of an earlier row: they are no further measurement.
+
+    Rows that `repeat_of` states to be repetitions stay: an instrument of coarse resolution may read the same twice.
+
+    Args:
+        table: the rows that the measurements have, and perhaps others.
+    """
+    numbers = [table[name] for name in table.quantities if name not in ("pose", "repeat_of")]
+    rows = np.nan_to_num(np.concatenate(numbers, axis=1), nan=np.inf) + 0.0
+    original = dict(zip(map(bytes, rows[::-1]), table.integers("pose")[::-1].tolist(), strict=True))
+    own = dict(zip(table.integers("pose").tolist(), map(bytes, rows), strict=True))
+    copied = np.array([original[own[number]] != number for number in data.pose.tolist()], dtype=np.bool_)
+    copied &= data.repeat_of == data.pose
+    if not copied.any():
+        return data
+    words = "rows that equal an earlier row to the last digit, left out as copies (repetitions: state repeat_of)"
+    return _left_out(data, copied, words)
 
 
 def without_frozen(arm: Arm, data: Measurements) -> Measurements:

@@ -26,13 +26,16 @@ from lrm_ident.data.registration.moved_frame import moved_frame
 from lrm_ident.data.registration.point_set import ScoredReading, registered
 from lrm_ident.data.registration.reading_check import (
     DOUBTFUL,
+    GOOD,
     ReadingCheck,
     check_reading,
     compared_rows,
+    scored_as_read,
 )
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.touched import in_frame_of_touches, misread_touches
 from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import total_mass
@@ -43,7 +46,7 @@ from lrm_math.model.model import model_of
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import tool_rotation
 
-MOST = 100
+MOST, LISTED = 100, 4
 FAR, BETTER = np.radians(15.0), 0.5
 """An orientation error that no assembled arm has, and the part of it that another reading must come below."""
 NOT_THIS_ARM = np.radians(45.0)
@@ -53,22 +56,35 @@ WHAT_ELSE = (
 
 
 class Misread(FileError):
-    """Measurements that their arm cannot have made as they were read; carries the `check` of the comparison."""
+    """Measurements that their arm cannot have made as they were read; carries the `check` of the comparison.
 
-    def __init__(self, data: Measurements, check: ReadingCheck, arm: Arm) -> None:
+    Args:
+        part: which part of the file `data` are, in words; empty: the whole.
+    """
+
+    def __init__(self, data: Measurements, check: ReadingCheck, arm: Arm, part: str = "") -> None:
         self.check, path, stated = check, data.source.path, data.source.stated
         missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
         if not check.found and (moved := _moved_words(arm, data, check)):
-            super().__init__(path, "", f"{missed}; {moved[0]}", moved[1])
+            super().__init__(path, part, f"{missed}; {moved[0]}", moved[1])
             return
         if not check.found:
             what = f"{missed}; no other unit, frame or axes and no sign or order of the joints explains them"
-            super().__init__(path, "", what, WHAT_ELSE)
+            super().__init__(path, part, what, f"{WHAT_ELSE}{_unused(data)}")
             return
         words = ", or ".join(" and ".join(scored.hypothesis.words) for scored in check.found)
         remedies = ", or ".join(remedy(scored.hypothesis, stated) for scored in check.found)
+        if part:
+            rows = f"{data.pose[0]}-{data.pose[-1]}"
+            remedies = f"correct its rows ({remedies} reads them so), or leave them out: --leave-out {rows}"
         then = f"(then {arm.name}, roughly fitted, misses the positions by {_millimetres(check.found[0])}, as read by "
-        super().__init__(path, "", words, f"if so: {remedies} {then}{_millimetres(check.read)})")
+        super().__init__(path, part, words, f"if so: {remedies} {then}{_millimetres(check.read)}){_unused(data)}")
+
+
+def _unused(data: Measurements) -> str:
+    """That columns are not used, of which one may be what moves the tip, such as a rail below the arm."""
+    columns = enumerate_words(data.source.unused, LISTED)
+    return f"; not used, though it may move the tip: {columns}" if columns else ""
 
 
 def load_checked(
@@ -111,6 +127,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         right = "are the names of the points, their places and the joints right, and is it this arm?"
         _refuse(arm, data, "points that it touched", misread_touches(arm, data), right)
         return ()
+    _check_sessions(arm, data)
     check = check_reading(arm, data)
     if check is None:
         for seen in data.of(Distances):
@@ -129,6 +146,26 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.source.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
+
+
+def _check_sessions(arm: Arm, data: Measurements) -> None:
+    """Raises `Misread`: a session that was read wrongly, where another one is right as it is read.
+
+    Together they hide in one another: a few misread rows are taken for wrong measurements, many for a wrong joint.
+    """
+    session = data.poses.session
+    numbers = np.unique(session[data.positions.measured]) if session is not None else ()
+    if len(numbers) < 2:
+        return
+    parts = {int(number): data.take(session == number) for number in numbers}
+    scored = {number: scored_as_read(arm, part) for number, part in parts.items()}
+    shares = {number: one.share for number, one in scored.items() if one is not None and one.overdetermined}
+    if min(shares.values(), default=np.inf) > GOOD:
+        return
+    for number in (number for number, share in shares.items() if share > DOUBTFUL):
+        check = check_reading(arm, parts[number])
+        if check is not None and check.found and not check.right:
+            raise Misread(parts[number], check, arm, f"session {number}")
 
 
 def _refuse(arm: Arm, data: Measurements, of: str, misread: tuple[float, Hypothesis | None] | None, right: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -80,11 +80,22 @@ def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
         yield from _other_orders(unit)
     for servos in counted:
         yield from other_signs(servos)
-    for joint in range(read.q.shape[1]):
-        for turn in RIGHT_ANGLES:
-            words = f"the zero of joint {joint + 1} looks turned by {turn:g} deg"
-            remedy = f"add {turn:g} to theta_deg of joint {joint + 1} in the arm file"
-            yield read.also(words, COMPOUND, remedy).with_joint(joint, read.q[:, joint] + np.radians(turn))
+    yield from _turned_zeros(read)
+
+
+def _turned_zeros(read: Hypothesis) -> Iterator[Hypothesis]:
+    """The zero of one joint, or of two, turned by right angles, as of an arm that was drawn in another pose."""
+    every = range(read.q.shape[1])
+    for joints in (*combinations(every, 1), *combinations(every, 2)):
+        for turns in product(RIGHT_ANGLES, repeat=len(joints)):
+            turned = read
+            for joint, turn in zip(joints, turns, strict=True):
+                words = f"the zero of joint {joint + 1} looks turned by {turn:g} deg"
+                remedy = f"add {turn:g} to theta_deg of joint {joint + 1} in the arm file"
+                complexity = COMPOUND if len(joints) == 1 else 0.5 * FREE
+                angles = read.q[:, joint] + np.radians(turn)
+                turned = turned.also(words, complexity, remedy).with_joint(joint, angles)
+            yield turned
 
 
 def _other_units(read: Hypothesis) -> Iterator[Hypothesis]:

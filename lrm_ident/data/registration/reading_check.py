@@ -92,14 +92,10 @@ class ReadingCheck:
 
 def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
-    rows = compared_rows(data)
-    if len(rows) < LEAST_POSES:
+    points = _comparable(arm, data)
+    if points is None:
         return None
-    points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.source.stated)
-    one_pose = np.ptp(points.poses.q, axis=0).max() < SAME_POSE
-    if one_pose or spread_of(nominal_tcp(arm, points.poses)) == 0.0:
-        return None
-    read = points.scored(points.as_read)
+    rows, read = compared_rows(data), points.scored(points.as_read)
     hung = _hung_otherwise(points, read)
     if read.share <= FLOOR:
         return ReadingCheck(read, hung or (_hidden_sign(points, read) or read,))
@@ -113,6 +109,22 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     simplest = min(scored.hypothesis.complexity for scored in alike)
     chosen = [s for s in alike if s.hypothesis.complexity == simplest and s.share <= PLAUSIBLE]
     return ReadingCheck(read, tuple(sorted(chosen, key=lambda scored: scored.share)))
+
+
+def scored_as_read(arm: Arm, data: Measurements) -> ScoredReading | None:
+    """Measurements as they were read, beside the nominal arm; None as in `check_reading`."""
+    points = _comparable(arm, data)
+    return None if points is None else points.scored(points.as_read)
+
+
+def _comparable(arm: Arm, data: Measurements) -> PointSet | None:
+    """The positions that are compared; None if there are too few poses, or all are one."""
+    rows = compared_rows(data)
+    if len(rows) < LEAST_POSES:
+        return None
+    points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.source.stated)
+    one_pose = np.ptp(points.poses.q, axis=0).max() < SAME_POSE
+    return None if one_pose or spread_of(nominal_tcp(arm, points.poses)) == 0.0 else points
 
 
 def compared_rows(data: Measurements) -> NDArray[np.int64]:

@@ -118,6 +118,7 @@ def read_table(path: Path) -> CsvTable:
     if _by_spaces([line for _, line in kept]):
         lines = ["\t".join(line.split()) for line in lines]
         kept = [(number, lines[number - 1]) for number, _ in kept]
+    kept, titles = _without_titles(kept)
     delimiter = _stated_delimiter(lines) or next((mark for mark in DELIMITERS if kept and mark in kept[0][1]), ",")
     if kept and all(is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
         kept.insert(0, _header_in_comment(path, lines, *kept[0], delimiter))
@@ -128,8 +129,23 @@ def read_table(path: Path) -> CsvTable:
     header, *rows = _cut_to_header(path, numbered, delimiter)
     lines_of = tuple(number for number, _ in numbered)
     columns = tuple(Column(name, name) for name in header)
-    table = CsvTable(path, columns, tuple(rows), lines_of[1:], lines_of[0], file.sha256, file.notices)
+    table = CsvTable(path, columns, tuple(rows), lines_of[1:], lines_of[0], file.sha256, (*titles, *file.notices))
     return table if delimiter == "," else _with_points(table)
+
+
+def _without_titles(kept: Sequence[tuple[int, str]]) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
+    """The lines from the header on, and a notice of those above: a title that a person wrote over the table.
+
+    A title has less than half of the cells of the last row, and a line of words alone, the header, comes after it.
+    """
+    last = kept[-1][1] if kept else ""
+    delimiter = next((mark for mark in DELIMITERS if mark in last), ",")
+    cells = [[cell.strip('" ') for cell in line.split(delimiter) if cell.strip('" ')] for _, line in kept]
+    header = next((row for row, found in enumerate(cells) if 2 * len(found) >= len(cells[-1])), 0)
+    if not header or any(is_number(cell.replace(",", ".")) for cell in cells[header]):
+        return [*kept], ()
+    above = "1 line" if header == 1 else f"{header} lines"
+    return [*kept[header:]], (f"{above} above the header not used: {' '.join(cells[0])}",)
 
 
 def _cut_to_header(

@@ -6,7 +6,7 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from lrm_ident.report.plain_names import plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
-from lrm_ident.report.text.poses import limitation_sentence, where_measured
+from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_in_order_of, where_measured
 from lrm_ident.report.text.residuals import (
     A_LENGTH,
     BLACK_BOX,
@@ -33,13 +33,15 @@ from lrm_ident.report.text.residuals import (
     scale_sentence,
     shifted_sentence,
 )
-from lrm_ident.report.text.variables import function_name
-from lrm_ident.residual.data_audit import where_it_holds
+from lrm_ident.report.text.variables import function_name, what_may_change
+from lrm_ident.residual.data_audit import LimitationKind, where_it_holds
 from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
+from lrm_math.arm.place_names import joint_numbers
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.effects.targets import FRAME_PLACE
+from lrm_math.kinematics.history import PACE_S
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
@@ -49,7 +51,7 @@ FIRST = (
     "hidden at most",
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
-FOLDED = ("black-box model", "left out")
+FOLDED = ("black-box model",)
 """Facts that a terminal shows with `--all` only."""
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
@@ -57,6 +59,10 @@ NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
 OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
+MORE_POSES = 40
+"""Poses to measure where those there lack something."""
+ORDERED = frozenset({"direction", "time", "session"})
+"""What an effect depends on if the order of the poses decides it."""
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
@@ -151,10 +157,12 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     hopeless = () if advice is None or advice.helps else (hopeless_words(advice),)
     tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
     quiet = report.verdict.quiet
+    facts = tuple((label, words) for label, words in _facts(report, attribution) if words)
+    lacks = [one for one in report.limitations if one.kind is not LimitationKind.ORDER or "order" not in dict(facts)]
     return Conclusion(
         headline=_headline(report, attribution),
-        facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=(*hopeless, *map(limitation_sentence, report.limitations))[:REASONS] if tells_why and not quiet else (),
+        facts=facts,
+        reasons=(*hopeless, *map(limitation_sentence, lacks))[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -181,7 +189,7 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
 
 def _not_identified(report: DiagnosisReport, why: str) -> str:
     """That no cause was identified: for what the causes leave that the model has already, if it has any."""
-    return f"{NOT_IDENTIFIED}{' for the rest' if _has_already(report) else ''}: {why}"
+    return f"{NOT_IDENTIFIED}{' for the remaining error' if _has_already(report) else ''}: {why}"
 
 
 def _quiet_headline(report: DiagnosisReport) -> str:
@@ -229,6 +237,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         yield "black-box model", predictable_brief(report.patterns.predictable)
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
+    yield "order", _order(report)
     yield "where", regime_brief(report.patterns.regimes[0]) if report.patterns.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     rows = map(shifted_sentence, report.diagnosis.shifted)
@@ -323,23 +332,33 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         return f"{plain_name(first.name)}: {arrow(report.held_out.rms, first.held_out_rms)} mm RMS"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == Support.POSSIBLE_CAUSE:
-        explained, left = explained_by_first(report) or (0.0, 0.0)
-        ratio = unexplained_ratio(explained, left)
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
-        if not report.replicates:
-            return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
-        if first.name in report.misspecified:
-            return f"only a candidate cause: {OTHERWISE}.{rivals}"
-        if explained <= 0.0:
-            return f"only a candidate: it does not lower the error of the tip, so the cause may be another.{rivals}"
-        return (
-            f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
-            f"{MAX_UNEXPLAINED_RATIO:.2f}), so the cause may be another.{rivals}"
-        )
+        why = why_candidate(report, first.name, report.replicates, *(explained_by_first(report) or (0.0, 0.0)))
+        return f"only a candidate cause: {why}.{rivals}"
     if beside:
         return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
     return f"identified: {_runner_up(report, first)}{unsure}"
+
+
+def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explained: float, left: float) -> str:
+    """Why an effect is a candidate cause and no identified one.
+
+    Args:
+        replicates: whether both halves of the data choose it. explained, left: squared errors that it explains, and
+            that stay unexplained, in one unit.
+    """
+    if not replicates:
+        return "the two halves of the data do not agree on it"
+    if name in report.misspecified:
+        return OTHERWISE
+    if explained <= 0.0:
+        return "it does not lower the error of the tip, so the cause may be another"
+    ratio = unexplained_ratio(explained, left)
+    return (
+        f"{ratio:.1f} times the squared error that it explains stays unexplained (limit {MAX_UNEXPLAINED_RATIO:.2f}), "
+        "so the cause may be another"
+    )
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -377,7 +396,8 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0] if found.functions else next(iter(left), None)
     if best is None or best not in left or 1.0 - (left[best] / held_out) ** 2 < PART:
         return ""
-    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm"
+    question = what_may_change(best)
+    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm{question and f'. {question}'}"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -405,6 +425,29 @@ def _far_poses(report: DiagnosisReport) -> Iterator[str]:
         )
 
 
+def _order(report: DiagnosisReport) -> str:
+    """What rows without a time leave open, where an effect depends on the order of the poses or on a joint that the
+    order follows."""
+    if report.diagnosis.data.poses.t is not None:
+        return ""
+    first = report.first
+    effects = [*_has_already(report).values(), *([] if first is None else [first.scored.candidate.effect])]
+    timed = any(effect.remembers or "time" in effect.depends_on for effect in effects)
+    return "; ".join(filter(None, (_follows_joint(report, effects), paced_words(PACE_S) if timed else "")))
+
+
+def _follows_joint(report: DiagnosisReport, effects: Sequence[Effect]) -> str:
+    """That the order of the rows may not be that of the measurement."""
+    follows = [one for one in report.limitations if one.kind is LimitationKind.ORDER]
+    joints = {joint - 1 for one in follows for joint in one.joints}
+    concerned = [
+        plain_name(effect.name)
+        for effect in effects
+        if effect.remembers or not ORDERED.isdisjoint(effect.depends_on) or joints & {*joint_numbers(effect.place)}
+    ]
+    return rows_in_order_of(follows[0], enumerate_words(concerned, IN_HEADLINE)) if follows and concerned else ""
+
+
 def _may_hide(report: DiagnosisReport) -> str:
     """How far a known effect may move the TCP without being shown."""
     bounds = report.diagnosis.motion_bounds
@@ -418,7 +461,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     model, data, arm = map(shlex.quote, astuple(names))
     first, advice = report.first, advice_of(report)
     if first is None or attribution is None:
-        yield from _without_effect(report, model, data)
+        yield from _without_effect(report, model, data, arm)
         return
     add = f"lrm-ident add {model} {data} {shlex.quote(first.name)} -o better.toml"
     lead, words = "or", "Adds it to the model and refits all parameters."
@@ -441,15 +484,19 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _without_effect(report: DiagnosisReport, model: str, data: str) -> Iterator[NextStep]:
+def _without_effect(report: DiagnosisReport, model: str, data: str, arm: str) -> Iterator[NextStep]:
     """The next steps after a verdict without an effect to add."""
     if report.verdict == Verdict.NOTHING_MISSING:
         yield NextStep(DEPLOY, f"lrm deploy {model}", VERIFY)
         export = f"lrm-ident arm export {model} -o arm.urdf"
         yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
+        if report.limitations:
+            design = f"lrm-ident design {arm} --model {model} --have {data} --levels any -n {MORE_POSES} -o next.csv"
+            yield NextStep(f"Writes poses at any angles, in random order. Measure there, append to {data}.", design)
         yield NextStep(next_step(report), f"lrm-ident propose {model} {data} -o law.py")
     else:
         yield NextStep(next_step(report))
-    if report.verdict == Verdict.UNPREDICTABLE:
-        yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=STOPGAP)
+    if report.verdict != Verdict.NOTHING_MISSING:
+        lead = "or" if report.verdict == Verdict.UNEXPLAINED_STRUCTURE else STOPGAP
+        yield NextStep("Gives the model to lrmd as it is.", f"lrm deploy {model}", lead=lead)

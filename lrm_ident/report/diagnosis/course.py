@@ -11,13 +11,13 @@ from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import UNSEEN, change_words, enumerate_words, in_mm, p_words, poses_words
-from lrm_ident.diagnosis.attribution import term_of, unexplained_ratio
+from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objection_to_prediction
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
+from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude, why_candidate
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
@@ -30,7 +30,6 @@ from lrm_ident.report.text.residuals import scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.scale_uncertainty import scale_left_open
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.effects import EffectRef, effect_of
 from lrm_math.model.covariance import Covariance, implausible_estimates
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
-SHOWN, ALSO = 8, ", acts otherwise too"
+SHOWN = 8
 TRACKERS_SCALE = "tracker's scale"
 STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
 """Facts of the last diagnosis that stand below the course."""
@@ -182,11 +181,12 @@ def course_document(
         **({} if with_field is None else {"with_residual_field_not_a_cause": error_values(with_field)}),
     }
     fell = _last_errors(course, nested) if story is None else (("error", story.sentence), *story.facts)
-    facts = Facts((*_sizes(course), *fell, ("not checked" if nested.error is None else "certainty", _chosen(nested))))
+    facts = Facts((*_sizes(course), *fell, ("nested error" if nested.error is None else "certainty", _chosen(nested))))
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
     open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
-    blocks: list[Block] = [*told, *replace(last, facts=open_facts, reasons=()).blocks()]
+    sure = any(one.kind == Support.FINDING for one in attributed)
+    blocks: list[Block] = [*told, *replace(last, facts=open_facts, reasons=() if sure else last.reasons).blocks()]
     details: list[Block] = [*tables, *last.blocks(), *rest.details]
     return Document(blocks, "lrm/course/1", values, details=details, about=f"errors of the last model, {LAST}")
 
@@ -198,14 +198,14 @@ def _last_errors(course: AutoRun, nested: NestedResidual) -> tuple[tuple[str, st
 
 
 def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
-    """Estimates of the effects that were added, by the last fit; none of what names no cause."""
+    """Estimates of the causes that were found, by the last fit; those of other effects are among the details."""
     fit = course.steps[-1].fit
     errors = dict(zip(fit.model.free, fit.standard_error.tolist(), strict=True))
     present = {effect.name: effect for effect in fit.model.effects}
     label = "estimate"
     for step, one in zip(course.steps[1:], course.attributions, strict=True):
         effect = present.get(step.added)
-        if one.kind == Support.DESCRIPTION or effect is None or effect.is_free_form or not effect.about.claim:
+        if one.kind != Support.FINDING or effect is None or effect.is_free_form or not effect.about.claim:
             continue
         words = {
             p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)
@@ -226,42 +226,47 @@ def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
 
 
 def attribution_blocks(course: AutoRun) -> Iterator[Block]:
-    """The identified causes, those that the data cannot distinguish, the candidate causes, and the empirical terms."""
+    """What a run added: the identified causes and those that the data cannot distinguish, or that no cause is certain;
+    then the candidate causes with the reason why they are no more, and the empirical terms."""
     steps = list(zip(course.steps[1:], course.attributions, course.explained, strict=True))
 
     def named(term: AttributionTerm) -> list[Step]:
         return [step for step, one, _ in steps if term_of(one.kind, step.evidence.equivalent) == term]
 
-    if found := named("identified cause"):
+    found, several, terms = named("identified cause"), named("indistinguishable cause"), named("empirical term")
+    if found:
         title = "Identified cause" if len(found) == 1 else "Identified causes"
-        names = [f"{plain_name(step.added)} ({step.added})" for step in found]
-        yield heading(f"{title}: {enumerate_words(names, len(found))}")
-    for step in named("indistinguishable cause"):
-        others = enumerate_words(list(step.evidence.equivalent), SHOWN)
-        yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
-    possible = [taken for taken in steps if taken[1].kind == Support.POSSIBLE_CAUSE]
-    otherwise = {step.added for step, *_ in possible} & {*course.report.misspecified}
-    ratios = [
-        f"{step.added} ({unexplained_ratio(explained, one.unexplained):.1f}{ALSO if step.added in otherwise else ''})"
-        for step, one, explained in possible
+        yield heading(f"{title}: {enumerate_words([_named(step.added) for step in found], len(found))}")
+    for step in several:
+        others = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
+        yield heading(f"Indistinguishable with these poses: {_named(step.added)}, or {others}")
+    if steps and not found and not several:
+        yield heading("No cause is certain. What was added corrects the error; it may stand for other causes.")
+    candidates = [
+        f"{_named(step.added)}: "
+        f"{why_candidate(course.report, step.added, step.evidence.replicates, explained, one.unexplained)}"
+        for step, one, explained in steps
+        if one.kind == Support.POSSIBLE_CAUSE
     ]
-    if ratios:
-        candidates = enumerate_words(ratios, len(ratios))
-        or_otherwise = ", or if it acts otherwise," if otherwise else ""
-        yield (
-            f"Candidate causes: {candidates}. In brackets: the squared error that stays "
-            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f}{or_otherwise} "
-            "another cause may stand behind it."
-        )
-    if terms := named("empirical term"):
-        listed = enumerate_words([step.added for step in terms], len(terms))
-        yield f"Empirical terms, without an identified cause: {listed}"
+    listed = enumerate_words([plain_name(step.added) for step in terms], RIVALS_SHOWN)
+    empirical = [f"{listed}: they improve the prediction; their cause is not identified"] if terms else []
+    if rows := (*_labelled("candidate cause", candidates), *_labelled("empirical term", empirical)):
+        yield Facts(rows)
+
+
+def _named(name: str) -> str:
+    return f"{plain_name(name)} ({name})"
+
+
+def _labelled(label: str, lines: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Facts of which only the first has the label."""
+    return ((label if number == 0 else "", words) for number, words in enumerate(lines))
 
 
 def _chosen(nested: NestedResidual) -> str:
     """Number of folds in which each effect was chosen: what few choose is unstable."""
     if nested.error is None:
-        return f"the choice of effects (nested): {nested.reason}"
+        return f"not computed: {nested.reason}"
     often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     more = f"; {once} {'more ' if often else ''}in one each" if once else ""

@@ -55,7 +55,7 @@ def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FI
     said = concluded.blocks()
     counts = attribution_of(report) in (Support.FINDING, Support.POSSIBLE_CAUSE)
     blocks = [*said, *(_candidates(report, room_below(said)) if counts else ())]
-    details = [*_candidates(report, RANKED), *_details(report, concluded)]
+    details = [*_candidates(report, RANKED), *_details(report)]
     return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=details, about=ABOUT)
 
 
@@ -146,7 +146,7 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
     return "explains part of it" if share > PART else "explains little"
 
 
-def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
+def _details(report: DiagnosisReport) -> list[Block]:
     """Evidence behind the conclusion, for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.patterns)
@@ -155,7 +155,6 @@ def _details(report: DiagnosisReport, concluded: Conclusion) -> list[Block]:
         f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
         Facts(
             (
-                *(fact for fact in concluded.facts if fact[0] == "left out"),
                 ("fit error", f"{in_mm(report.fitted.rms)} mm RMS"),
                 ("noise", noise),
                 ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),

@@ -25,6 +25,20 @@ def limitation_sentence(one: Limitation) -> str:
             return "one load: stiffness, backlash and mass look alike"
 
 
+def rows_in_order_of(one: Limitation, effects: str) -> str:
+    """That rows without a time follow a joint, and what that means for `effects`."""
+    joints = _joints(one.joints)
+    return (
+        f"the rows follow {joints} (correlation {one.numbers[0]:.2f}) and have no t_s, so errors of time and of "
+        f"{joints} look alike. If the table was sorted, {effects} may be wrong: state t_s, or keep the order measured"
+    )
+
+
+def paced_words(pace_s: float) -> str:
+    """What times mean where none were measured."""
+    return f"without t_s, poses count as {pace_s:g} s apart: times and time constants are not known"
+
+
 def _joints(numbers: Sequence[int]) -> str:
     names = list(map(str, numbers))
     if len(names) > 2 and len(names) == numbers[-1] - numbers[0] + 1:

@@ -8,7 +8,6 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, quantity
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows
 from lrm_ident.report.text.variables import in_a_sentence
-from lrm_ident.residual.covariates import ExplanatoryVariable
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
 from lrm_ident.residual.picture.error_field import ArrowScale
@@ -53,12 +52,8 @@ def predictable_sentence(found: PredictableError) -> str:
         return f"{BLACK_BOX} predicts no better ({after} mm RMS with it)"
     return (
         f"{BLACK_BOX} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
-        f"cause. It depends on {enumerate_words(list(map(_followed, found.follows)), NAMED)}."
+        f"cause. It depends on {enumerate_words(list(map(in_a_sentence, found.follows)), NAMED)}."
     )
-
-
-def _followed(one: ExplanatoryVariable) -> str:
-    return "the order of measurement" if one.kind == "order" else in_a_sentence(one)
 
 
 def where(regime: Regime) -> str:

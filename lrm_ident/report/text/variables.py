@@ -20,6 +20,9 @@ IN_SENTENCES: Mapping[str, str] = {
     "motion": "the last motion of the angle of joint {}",
     "torque": "the torque of joint {}",
     "direction": "direction of approach of joint {}",
+    "order": "the order of measurement",
+    "time": "the time",
+    "load": "the load",
     "force": "the force across its axis",
     **{axis: f"{axis} of the tip" for axis in "xyz"},
 }
@@ -61,6 +64,16 @@ def _of(names: Mapping[str, str], one: ExplanatoryVariable) -> str:
 def place_of(function: FreeFunction) -> str:
     """What a free function moves: a joint, or what all joints share."""
     return MODES[function.common] if function.common is not None else f"joint {(function.joint or 0) + 1}"
+
+
+ONGOING = frozenset({"order", "time"})
+
+
+def what_may_change(function: FreeFunction) -> str:
+    """A question on what may have changed meanwhile, where all joints yield otherwise as time goes on; else empty."""
+    if function.common is not CommonMode.YIELDING or ONGOING.isdisjoint(one.kind for one in function.covariates):
+        return ""
+    return "Was a load changed meanwhile (payload_g), or did the supply sag (supply_v)?"
 
 
 def function_name(function: FreeFunction) -> str:

@@ -81,6 +81,23 @@ def test_a_frozen_tracker_is_left_out_and_said(lab: Arm, tmp_path: Path) -> None
     assert any("stands still" in words and "11, 12" in words for words in data.source.notices)
 
 
+def test_rows_that_are_copies_are_left_out_and_said(lab: Arm, tmp_path: Path) -> None:
+    """A table that was pasted twice: its copies counted as poses, and narrowed every interval."""
+    rows = rows_of(80)
+    copies = [[str(81 + number), *row[1:]] for number, row in enumerate(rows[:40])]
+    data = load_checked(example(tmp_path, [*rows, *copies]), lab)
+    assert data.source.left_out == tuple(range(81, 121))
+    assert any("left out as copies" in words and "81, 82" in words for words in data.source.notices)
+    np.testing.assert_array_equal(data.tcp, load_checked(example(tmp_path, rows), lab).tcp)
+
+
+def test_a_repetition_that_reads_the_same_is_no_copy(lab: Arm, tmp_path: Path) -> None:
+    names = ["repeat_of", *EXAMPLE.read_text().splitlines()[0].split(",")]
+    rows = [["", *row] for row in rows_of(40)]
+    data = load_checked(example(tmp_path, [*rows, ["40", "41", *rows[-1][2:]]], names), lab)
+    assert len(data) == 41
+
+
 def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="every position is 0, 0, 0"):
         load_measurements(example(tmp_path, [[*row[:-3], "0", "0", "0"] for row in rows_of(20)]), lab)
@@ -114,7 +131,7 @@ def test_a_fit_with_a_few_wrong_rows_says_how_to_leave_them_out(tmp_path: Path) 
         rows[wrong][-1] = str(float(rows[wrong][-1]) + 150.0)
     path = example(tmp_path, rows)
     out = stdout_of("fit", path, "--all")
-    assert "--leave-out 11,51,91; or give them less weight: --loss huber" in out
+    assert "add --leave-out 11,51,91. To weigh them less: --loss huber" in out
     without = stdout_of("fit", path, "--leave-out", "11,51,91")
     assert "Outliers: " in without
     assert "--leave-out" not in without, "the poses that a hidden play throws far off are no wrong measurements"

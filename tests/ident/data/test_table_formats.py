@@ -67,6 +67,12 @@ SAME: dict[str, bytes] = {
     "radians": text(["", *(f"q{i} (rad)" for i in range(1, 7)), *NAMES[7:]], rows=scaled(1, np.pi / 180)).encode(),
     "minus signs of a word processor": text(NAMES).replace(",-", ",\u2212").encode(),
     "en dashes, spaces, lines of an old Mac": text(NAMES, "; ").replace("-", "\u2013").replace("\n", "\r").encode(),
+    "names in German": text(
+        ["Nr", *(f"Gelenk{i} [°]" for i in range(1, 7)), "X in cm", "Y in cm", "Z in cm"], rows=scaled(0.1, 1.0)
+    ).encode(),
+    "another stem": text(["Nr", *(f"Achse {i}" for i in range(6)), "X", "Y", "Z"]).encode(),
+    "a title above": ("Messung vom 3. Mai, erster Arm\n\n" + text(NAMES)).encode(),
+    "a title above, decimal commas": ("Messung; 3. Mai\n" + text(NAMES, ";", comma=True)).encode(),
     "no pose numbers": text(NAMES[1:], rows=[row[1:] for row in ROWS]).encode(),
 }  # fmt: skip
 
@@ -125,12 +131,24 @@ def test_names_that_are_read_otherwise_are_told(tmp_path: Path, lab: Arm) -> Non
     assert "x_mm = 'tcp_x'" in notice
 
 
+def test_two_families_of_numbered_columns_are_not_guessed(lab: Arm, tmp_path: Path) -> None:
+    """Nor one that has another number of columns than the arm has joints."""
+    path = tmp_path / "data.csv"
+    for more in (["Gelenk", "Geber"], []):
+        stems = more or ["Gelenk"]
+        names = [f"{stem}{i}" for stem in stems for i in range(1, 7 if more else 6)]
+        rows = [(number, *([1.0] * len(names)), *row[7:]) for number, row in enumerate(ROWS, start=1)]
+        path.write_text(text(["pose", *names, *NAMES[7:]], rows=rows))
+        with pytest.raises(FileError, match="missing column q1_deg"):
+            load_measurements(path, lab)
+
+
 def test_columns_that_are_not_used_are_told_with_the_names_that_would_be(tmp_path: Path, lab: Arm) -> None:
     path = tmp_path / "data.csv"
     names = [NAMES[0], *(f"J{i}" for i in range(1, 7)), *NAMES[7:], "Last [g]", "time"]
     path.write_text(text(names, rows=[(*row, 150.0, float(number)) for number, row in enumerate(ROWS)]))
     unused, taken = load_measurements(path, lab).source.notices
-    assert unused == "columns not used: Last [g]; name a load 'payload_g' and a session 'session', if it is there"
+    assert unused == "columns not used: Last [g]. If one is a load or session, name it payload_g or session"
     assert taken == "read as: q1_deg … q6_deg = 'J1' … 'J6', t_s = 'time'"
 
 
@@ -508,7 +526,7 @@ def test_arguments_in_another_order_are_recognised(tmp_path: Path, lab: Arm) -> 
 
 def test_equal_poses_are_said(tmp_path: Path) -> None:
     header, *rows = example_rows()
-    same = [[str(i), *rows[0][1:]] for i in range(1, 61)]
+    same = [[str(i), *rows[0][1:-1], rows[i][-1]] for i in range(1, 61)]
     path = written(tmp_path / "data.csv", [header, *same])
     assert "60 poses, and all are equal" in stderr_of("fit", path, "--arm", "lrm-lab")
 

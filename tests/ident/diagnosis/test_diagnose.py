@@ -44,7 +44,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.motion import recorded
-from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE, ROOT
@@ -203,6 +203,15 @@ def test_many_wrong_measurements_are_left_out_whatever_the_loss(tmp_path: Path, 
     assert set(found.outliers) == {int(data.pose[row]) for row in wrong}
     assert not found.above_floor
     assert {one.candidate.effect.id for one in found.supported} <= {"compliance"}  # hidden from the first fit
+
+
+def test_an_axis_that_gravity_does_not_load_is_no_lack_of_the_poses() -> None:
+    """The torque of a vertical axis is that of its small lean: no poses give it another sign."""
+    poses = poses_of(np.random.default_rng(3).uniform(-0.5, 0.5, (40, 2)))
+    torque = np.stack([np.full(40, 0.01), np.full(40, 1.0)], axis=1)
+    (one_sided,) = (one for one in audit(poses, torque) if one.kind is LimitationKind.ONE_SIDED)
+    assert one_sided.joints == (2,)
+    assert not [one for one in audit(poses, 0.0 * torque) if one.kind is LimitationKind.ONE_SIDED]
 
 
 @pytest.mark.slow

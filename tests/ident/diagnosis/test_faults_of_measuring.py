@@ -79,7 +79,7 @@ def test_structure_says_what_it_looks_most_like(lab: Arm) -> None:
     assert [step.added for step in run.steps] == [""]
     assert report.verdict == "unexplained_structure"
     said = dict(conclude(report).facts)["acts most like"]
-    assert said.startswith("a free function of order in the gain of all joints, which leaves")
+    assert said.startswith("a free function of the order of measurement in the gain of all joints, which leaves")
 
 
 NOISE, KINDS = 3e-4, (Session, Drift, ChangePoint, Backlash, ServoGain, Eccentricity, BaseCompliance, Coupling)

@@ -16,6 +16,7 @@ from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNam
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.text.advice import NEXT_STEP, next_step
+from lrm_ident.residual.data_audit import Limitation, LimitationKind
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
@@ -83,8 +84,31 @@ def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> Non
 def test_beside_a_cause_of_the_model_nothing_is_said_of_that_one(better_study: Study) -> None:
     """Before: *Identified cause: backlash* was followed by *No cause identified*."""
     left = replace(better_study.diagnose(), verdict=Verdict.UNPREDICTABLE)
-    words = "No cause identified for the rest: the error exceeds the noise, but nothing measured predicts it."
-    assert conclude(left).headline == words
+    assert conclude(left).headline.startswith("No cause identified for the remaining error: ")
+
+
+@pytest.mark.parametrize(
+    ("joint", "timed", "said"),
+    [(2, False, "order"), (1, False, ""), (2, True, "")],
+    ids=["its joint", "other", "timed"],
+)
+def test_an_order_that_follows_the_joint_of_the_cause_is_said(
+    example_diagnosis: DiagnosisReport, joint: int, timed: bool, said: str
+) -> None:
+    """A table sorted by a joint: what its order means is not known, unless it has times."""
+    found = example_diagnosis.diagnosis
+    poses = found.data.poses if timed else replace(found.data.poses, t=None)
+    limitations = (Limitation(LimitationKind.ORDER, (joint,), (0.99,)),)
+    data = replace(found.data, poses=poses)
+    report = replace(example_diagnosis, limitations=limitations, diagnosis=replace(found, data=data))
+    words = dict(conclude(report).facts).get("order", "")
+    assert words.startswith(f"the rows follow joint {joint} (correlation 0.99)" if said else "")
+    assert bool(words) == bool(said)
+
+
+def test_outliers_that_were_left_out_are_said_on_the_terminal(example_diagnosis: DiagnosisReport) -> None:
+    spoiled = replace(example_diagnosis, diagnosis=replace(example_diagnosis.diagnosis, outliers=(7, 12)))
+    assert "7, 12, as outliers" in diagnosis_document(spoiled).text()
 
 
 def test_a_study_knows_what_could_not_be_distinguished_also_from_its_file(better_study: Study, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_names_of_effects_have_words(name: str, words: str) -> None:
         (ExplanatoryVariable("angle", 0), "q1", "the angle of joint 1"),
         (ExplanatoryVariable("torque", 13, before=True), "tau14 before", "the torque of joint 14 before"),
         (ExplanatoryVariable("motion", 2), "the last motion of q3", "the last motion of the angle of joint 3"),
-        (ExplanatoryVariable("order"), "order", "order"),
+        (ExplanatoryVariable("order"), "order", "the order of measurement"),
         (ExplanatoryVariable("x"), "position x", "x of the tip"),
     ],
 )

@@ -12,6 +12,8 @@ from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.report.diagnosis.course import attribution_blocks
+from lrm_ident.report.document import Facts
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import GEOMETRY, Story, story_of_file
 from lrm_ident.residual.error_breakdown import NestedResidual
@@ -59,8 +61,8 @@ def told(file: ModelFile) -> Story:
 def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file: ModelFile) -> None:
     story = told(file)
     fall = (
-        "nominal 30.0 → geometry and springs 4.80 → 1 empirical term + 1 identified cause 1.90 mm RMS at poses not in "
-        "the fit"
+        "nominal 30.0 → geometry and springs 4.80 → with 1 empirical term and 1 identified cause: 1.90 mm RMS at poses "
+        "not in the fit"
     )
     assert story.sentence.replace("30.00", "30.0") == fall
     assert [one.title for one in story.steps[:2]] == ["nominal", GEOMETRY]
@@ -106,9 +108,14 @@ def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...])
     steps = [None, SimpleNamespace(added="servo_gain@joint1", evidence=Evidence())]
     attributions, report = [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)], SimpleNamespace(misspecified=misspecified)
     course: Any = SimpleNamespace(steps=steps, attributions=attributions, explained=[1.0], report=report)
-    words = " ".join(map(str, attribution_blocks(course)))
-    assert words.startswith("Candidate causes: servo_gain@joint1 (0.1")
-    assert ("acts otherwise" in words) == bool(misspecified)
+    title, facts = attribution_blocks(course)
+    assert str(title).startswith("No cause is certain.")
+    assert isinstance(facts, Facts)
+    ((label, words),) = facts.rows
+    assert label == "candidate cause"
+    assert words.startswith("servo gain error of joint 1 (servo_gain@joint1): ")
+    assert ("also moves the arm elsewhere" in words) == bool(misspecified)
+    assert ("0.1 times the squared error that it explains" in words) != bool(misspecified)
 
 
 def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
@@ -121,10 +128,10 @@ def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
         report=SimpleNamespace(misspecified=(), diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),
     )
     words = " ".join(map(str, attribution_blocks(course)))
-    assert f"Indistinguishable with these poses: {one}, or {other}" in words
+    assert f"Indistinguishable with these poses: {plain_name(one)} ({one}), or {plain_name(other)}" in words
     assert "Identified" not in words
     fitted = file_of(step("fit", 4.6, 4.8, nominal_rms_mm=30.0), step(f"add {one}", 1.7, 1.9))
     story = told(with_course(fitted, course, NestedResidual(None)))
-    assert story.sentence.endswith("1 indistinguishable cause 1.90 mm RMS at poses not in the fit")
+    assert story.sentence.endswith("with 1 indistinguishable cause: 1.90 mm RMS at poses not in the fit")
     assert term_of("finding", ()) == "identified cause"
     assert term_of("description", (other,)) == "empirical term"

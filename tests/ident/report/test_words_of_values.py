@@ -9,9 +9,10 @@ from lrm_ident.diagnosis.symbolic_regression.proposal import NoLaw
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import NO_LAW, reason_words
 from lrm_ident.report.text.residuals import hint_sentence, scale_sentence
-from lrm_ident.residual.covariates import ExplanatoryVariable
+from lrm_ident.report.text.variables import what_may_change
+from lrm_ident.residual.covariates import ExplanatoryVariable, Kind
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
-from lrm_ident.residual.free_functions import FreeFunction
+from lrm_ident.residual.free_functions import CommonMode, FreeFunction
 from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
 from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
 from lrm_ident.study.notices import Notice, NoticeKind
@@ -149,3 +150,18 @@ def test_the_names_in_a_claim_are_parameters_or_the_place() -> None:
     (effect,) = effects_at(load_arm("lrm-lab"), "backlash@joint2")
     assert effect.about.claimed - {"place"} <= {parameter.name for parameter in effect.parameters}
     assert "place" in effect.about.claimed
+
+
+@pytest.mark.parametrize(
+    ("mode", "kind", "asked"),
+    [
+        (CommonMode.YIELDING, "order", True),
+        (CommonMode.YIELDING, "time", True),
+        (CommonMode.YIELDING, "load", False),
+        (CommonMode.GAIN, "order", False),
+    ],
+)
+def test_joints_that_all_yield_otherwise_meanwhile_ask_for_the_load(mode: CommonMode, kind: Kind, asked: bool) -> None:
+    """A gripper that was given a load half-way, without payload_g: nothing hinted at it."""
+    function = FreeFunction(None, (ExplanatoryVariable(kind),), (), common=mode)
+    assert ("payload_g" in what_may_change(function)) == asked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import lrm_ident as lrm
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.checked import Misread, load_checked
+from lrm_ident.data.registration.checked import Misread, _check, load_checked
 from lrm_ident.data.registration.moved_frame import moved_frame
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
@@ -93,4 +94,31 @@ def test_a_row_that_is_left_out_is_not_tested(tmp_path: Path) -> None:
 
 def test_only_the_pose_that_tore_the_fit_is_proposed_to_be_left_out(tmp_path: Path) -> None:
     path = typed_wrongly(tmp_path, 40, 10, "754.0")
-    assert "--leave-out 40;" in stdout_of("fit", str(path), "--arm", "lrm-lab")
+    assert "add --leave-out 40. To" in stdout_of("fit", str(path), "--arm", "lrm-lab")
+
+
+@pytest.mark.parametrize("first", [200, 260])
+def test_a_session_whose_axes_were_swapped_is_named(measured: Measurements, first: int) -> None:
+    """Half of the rows were taken for an error of joint 1, a fifth for wrong measurements."""
+    tcp, session = measured.tcp.copy(), np.ones(len(measured))
+    tcp[first:], session[first:] = tcp[first:][:, [1, 0, 2]], 2.0
+    data = replace(measured.with_tcp(tcp), poses=replace(measured.poses, session=session))
+    with pytest.raises(Misread, match=r"session 2: x and y look swapped.*--axes y,x,z.*--leave-out \d+-\d+") as fault:
+        _check(ARM, data)
+    assert str(data.pose[first]) in str(fault.value)
+    assert _check(ARM, replace(measured, poses=replace(measured.poses, session=session))) == ()
+
+
+def test_a_column_that_is_not_used_is_said_where_nothing_fits(tmp_path: Path) -> None:
+    """A rail below the arm: y was said not to belong to these angles, and nothing told that a column was left out."""
+    header, *rows = EXAMPLE.read_text(encoding="utf-8").splitlines()[:91]
+    random, y = np.random.default_rng(4), header.split(",").index("y_mm")
+    lines = [f"rail_mm,{header}"]
+    for row in rows:
+        cells, rail = row.split(","), float(random.choice([0.0, 150.0, 300.0, 450.0]))
+        cells[y] = f"{float(cells[y]) + rail:.3f}"
+        lines.append(f"{rail:g},{','.join(cells)}")
+    path = tmp_path / "rail.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(Misread, match="not used, though it may move the tip: rail_mm"):
+        load_checked(path, ARM)

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.registration import reading_check
+from lrm_ident.data.registration.hypotheses import Hypothesis, joint_hypotheses
 from lrm_ident.data.registration.point_set import ScoredReading
 from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
 from lrm_math.arm.arm import Arm
+from lrm_math.model.reading import AS_NAMED
 
 Patch = pytest.MonkeyPatch
 
@@ -101,3 +103,16 @@ def test_a_sign_hides_where_the_tip_is_near_that_axis(
     monkeypatch.setattr(reading_check.PointSet, "scored", lambda *_: scored(left))
     points = reading_check.PointSet(lab, None, np.zeros((0, 3)), None)  # type: ignore[arg-type]
     assert (reading_check._hidden_sign(points, scored(1.0)) is not None) is hidden
+
+
+def test_zeros_of_two_joints_a_right_angle_off_are_tried(lab: Arm) -> None:
+    """As of an arm that was drawn with its forearm level and its gripper down: no reading was found."""
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, (5, lab.dof))
+    turned = q.copy()
+    turned[:, 2] += np.pi / 2.0
+    turned[:, 3] -= np.pi / 2.0
+    read = Hypothesis(AS_NAMED, turned, np.zeros((5, 3)))
+    (found,) = (one for one in joint_hypotheses(read, lab) if np.allclose(one.q, q))
+    assert found.words == ("the zero of joint 3 looks turned by -90 deg", "the zero of joint 4 looks turned by 90 deg")
+    assert "add -90 to theta_deg of joint 3" in found.remedy
+    assert "add 90 to theta_deg of joint 4" in found.remedy

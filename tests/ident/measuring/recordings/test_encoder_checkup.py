@@ -10,7 +10,8 @@ import pytest
 
 pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'lerobot')")
 
-from lrm_ident.measuring.recordings.encoder_checkup import EncoderFinding, checkup
+from lrm_ident.cli.groups.checkup_report import WORDS
+from lrm_ident.measuring.recordings.encoder_checkup import Cause, EncoderFinding, checkup
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames, read_frames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
@@ -75,6 +76,13 @@ def test_the_command_names_it_in_words_and_changes_nothing(tmp_path: Path) -> No
     (finding,) = json.loads(out.read_text())["findings"]
     assert finding["cause"] == "slip"
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("cause", WORDS)
+def test_no_words_assume_a_leader_arm(cause: Cause) -> None:
+    """A recording does not state what commanded the arm: a leader, a gamepad or a program."""
+    assert "leader and follower" not in WORDS[cause]
+    assert "both" not in WORDS[cause].lower().replace("check both", "")
 
 
 def test_what_cannot_be_checked_is_one_line(tmp_path: Path) -> None:
