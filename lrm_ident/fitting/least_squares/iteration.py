@@ -104,9 +104,9 @@ class LevenbergMarquardt:
                 raise FitNotConverged(steps, change)
             if idle < self.idle_steps and not is_last(quadratic, iterate, tolerance):
                 continue
-            update, smooth = problem._reestimated(iterate, quadratic.rows.columns, quadratic.free, noise)
+            columns, off = quadratic.rows.columns, quadratic.free_at(iterate)
+            update, smooth = problem._reestimated(iterate, columns, off, noise)
             if update.estimated.close_to(noise, problem.sigma_tolerance) and smooth.close_to(problem.smooth):
-                columns, off = quadratic.rows.columns, quadratic.free
                 return Optimum(problem.objective, iterate, columns, off, noise, steps, problem.smooth.stated)
             problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
             if smooth.adapts and iterate is not estimated_at:  # where no step gains, a predicted gain is none

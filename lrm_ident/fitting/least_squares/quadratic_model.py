@@ -51,6 +51,10 @@ class QuadraticModel:
         """(P,), scaled parameters at its minimum within the bounds."""
         return self._minimum(self.objective.gauss_newton(self.rows.normal, self.noise))
 
+    def free_at(self, trial: Iterate) -> NDArray[np.bool_]:
+        """(P,), whether a parameter is off its bounds at a trial, too."""
+        return np.asarray(self.free & (trial.z > self.bounds.lower) & (trial.z < self.bounds.upper))
+
     def predicted_squares(self, z: Array) -> float:
         """Weighted sum of squared residuals at scaled parameters z (P,)."""
         residual = self.rows.residual - self.rows.columns @ (z - self.iterate.z)
