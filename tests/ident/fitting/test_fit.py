@@ -26,7 +26,7 @@ from lrm_ident.fitting.cross_validation import (
     random_folds,
 )
 from lrm_ident.fitting.identifiability import MAX_SUBSAMPLE, fit_identifiable, select_identifiable
-from lrm_ident.fitting.least_squares import objective
+from lrm_ident.fitting.least_squares import iteration, objective
 from lrm_ident.fitting.least_squares.block_qr import CompressedRows, compress
 from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import fit
@@ -169,6 +169,18 @@ def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
     assert unbounded.at_bound == ()
     assert unbounded.model.value(key) == pytest.approx(-0.1, abs=1e-5)
     assert bounds_of(start, [key]).lower[0] == 0.0
+
+
+def test_a_parameter_that_the_last_step_put_on_its_bound_is_there(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth, poses = random_truth(lab, 5), random_poses(5)
+    key = "compliance.joint6.k_rad_per_Nm"
+    values = truth.values.copy()
+    values[truth.position(key)] = -0.1
+    data = measured(poses, solve_equilibrium(truth.with_values(values), poses).tcp)
+    monkeypatch.setattr(iteration, "POSTERIOR_TOLERANCE", 1e9)  # the first step is the last one
+    found = fit(truth.with_values_of([key], 0.01), data)
+    assert (found.steps, found.model.value(key), found.at_bound) == (1, 0.0, (key,))
+    assert found.standard_error[found.model.free.index(key)] == 0.0
 
 
 @pytest.mark.slow
