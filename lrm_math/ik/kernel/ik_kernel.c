@@ -1164,9 +1164,15 @@ API int ik_hold(const Arm *a, const int *side, double *s, double *tau, double *q
     }
     return 0;
 }
+/* Whether joints can move without the tool, at a state of an arm that nothing deflects. */
+static int aligned(const Arm *a, State *w) {
+    double along[MAX_JOINTS], direction[6];
+    jacobian(a, w);
+    return slowest(a, w, along, direction) < 1e-7 * a->form.length;
+}
 /* Slot amounts s of the member nearest to `towards` of the family of branch `k`, of those within the limits that have
- * the free joint at one of some angles. 1 if there is one. From a member far outside the limits `slide` may not arrive:
- * a joint that stops there leaves the aligned arm without the motion that it lacks. */
+ * the free joint at one of some angles. 1 if there is one. From a member far outside the limits `slide` may not arrive,
+ * or at another branch: a joint that stops there leaves the aligned arm without the motion that it lacks. */
 static int family_member(const Arm *a, const double *goal, const double *towards, int k, int joint, double *s) {
     const int angles = 24;
     double best = INFINITY;
@@ -1194,18 +1200,18 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         if (kind[k] < 0 || !b.degenerate) continue;
         Found scratch;
         State w;
-        double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
+        double s[MAX_SLOTS], member[MAX_SLOTS];
         scratch.count = scratch.steps = 0;
         start_at(a, b.q[k], s);
         if (!newton(a, goal, 6, UNKNOWN, s, &w, &scratch, 0)) kind[k] = -1;
-        jacobian(a, &w);
-        if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
+        if (kind[k] == 0 && aligned(a, &w)) {
             kind[k] = b.lost[k] + 1;
-            COPY(member, s, a->slots);
-            int nearest = kind[k] && slide(a, goal, 6, towards, member, &w, &scratch);
-            if (kind[k] && !nearest && family_member(a, goal, towards, k, b.lost[k], member))
-                nearest = slide(a, goal, 6, towards, member, &w, &scratch);
-            if (nearest) COPY(s, member, a->slots);
+            for (int from = 0, there = !kind[k]; from < 2 && !there; from++) {
+                if (!from) COPY(member, s, a->slots);
+                else if (!family_member(a, goal, towards, k, b.lost[k], member)) break;
+                there = slide(a, goal, 6, towards, member, &w, &scratch) && aligned(a, &w);
+                if (there) COPY(s, member, a->slots);
+            }
         }
         for (int j = 0; j < 6 && kind[k] >= 0; j++) {
             const double angle = into_window(&within, j, s[a->joint[j]] - a->zero[a->joint[j]]);
