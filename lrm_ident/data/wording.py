@@ -70,7 +70,12 @@ def arrow(before: float, after: float) -> str:
 
 
 def change_words(before: float, after: float) -> str:
-    """`fell from 9.40 to 1.76 mm (81 % less)`, or `rose … more`: an error (m) after a step, beside that before it."""
+    """`fell from 9.40 to 1.76 mm (81 % less)`, or `rose … more`: an error (m) after a step, beside that before it.
+
+    `stayed at 4.96 mm` of a change by less than one in two thousand, which no digit of a table shows.
+    """
+    if abs(after - before) < 5e-4 * before:
+        return f"stayed at {in_mm(after)} mm"
     verb, what = ("fell", "less") if after <= before else ("rose", "more")
     return f"{verb} {fall(before, after)} mm ({in_percent(abs(1.0 - after / before))} % {what})"
 

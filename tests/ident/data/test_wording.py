@@ -71,11 +71,18 @@ def test_a_p_value_is_never_said_to_be_zero(p_value: float) -> None:
 
 
 @given(st.floats(1e-6, 0.1), st.floats(1e-6, 0.1))
-def test_an_error_falls_to_less_and_rises_to_more(before: float, after: float) -> None:
+def test_an_error_falls_to_less_and_rises_to_more_or_stays(before: float, after: float) -> None:
     words = change_words(before, after)
+    if abs(after - before) < 5e-4 * before:
+        assert words.startswith("stayed at")
+        return
     assert words.startswith("rose" if after > before else "fell")
     assert words.endswith("% more)" if after > before else "% less)")
     assert "-" not in words.partition("(")[2].replace("e-", "")
+
+
+def test_an_error_that_no_digit_tells_apart_stays() -> None:
+    assert change_words(4.961396e-3, 4.961397e-3) == "stayed at 4.96 mm"
 
 
 @given(st.lists(st.integers(1, 999), min_size=1))
