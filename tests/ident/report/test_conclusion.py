@@ -100,7 +100,11 @@ def test_an_order_that_follows_the_joint_of_the_cause_is_said(
     poses = found.data.poses if timed else replace(found.data.poses, t=None)
     limitations = (Limitation(LimitationKind.ORDER, (joint,), (0.99,)),)
     data = replace(found.data, poses=poses)
-    report = replace(example_diagnosis, limitations=limitations, diagnosis=replace(found, data=data))
+    report = replace(
+        example_diagnosis,
+        limitations=limitations,
+        diagnosis=replace(found, screening=replace(found.screening, data=data)),
+    )
     words = dict(conclude(report).facts).get("order", "")
     assert words.startswith(f"the rows follow joint {joint} (correlation 0.99)" if said else "")
     assert bool(words) == bool(said)
