@@ -24,7 +24,7 @@ from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.better_prediction import share_of_excess, takes_little
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.later_error import later_error
+from lrm_ident.residual.deployment.forecast_error import forecast_error
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN
 from lrm_math.arrays import Array
 from lrm_math.effects import ModelPart
@@ -67,7 +67,7 @@ class ConfirmedDiagnosis:
     def deployed(self) -> DeployedError:
         """Held-out error of the model as it is deployed."""
         fit, data = self.diagnosis.fit, self.diagnosis.data
-        later = later_error(fit.model, data, fit.loss, fit.stated)
+        later = forecast_error(fit.model, data, fit.loss, fit.stated)
         return DeployedError.of(fit.model, data.poses, self.blocks, later, self.diagnosis.outliers_together)
 
     @property

@@ -21,7 +21,7 @@ from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import Limitation, audit
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.later_error import later_error
+from lrm_ident.residual.deployment.forecast_error import forecast_error
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import ParameterHint, parameter_hints
 from lrm_ident.residual.predictability import PredictableError
@@ -190,7 +190,7 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
 
 def _deployed(refit: Refit, data: Measurements) -> DeployedError:
     """Held-out error of a refitted model as it is deployed."""
-    later = later_error(refit.fit.model, data, refit.fit.loss, refit.fit.stated)
+    later = forecast_error(refit.fit.model, data, refit.fit.loss, refit.fit.stated)
     return DeployedError.of(refit.fit.model, data.poses, refit.blocks, later)
 
 

@@ -23,7 +23,7 @@ from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.covariates import ExplanatoryVariable, levels
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.later_error import later_error
+from lrm_ident.residual.deployment.forecast_error import forecast_error
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -82,7 +82,7 @@ class HeldOutResidual:
         cls, model: Model, data: Measurements, blocks: tuple[HeldOutBlock, ...], loss: Loss, prior: Prior | None
     ) -> HeldOutResidual:
         """The held-out residual of a model that was cross-validated on these data, with a loss and a prior."""
-        later = later_error(model, data, loss, prior)
+        later = forecast_error(model, data, loss, prior)
         deployed = DeployedError.of(model, data.poses, blocks, later)
         return HeldOutResidual(held_out_residual(blocks), blocks=blocks, deployed=deployed)
 

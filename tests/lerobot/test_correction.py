@@ -67,7 +67,10 @@ def real_tip(made: Correction, q: Array, motion: Motion) -> Array:
 @pytest.mark.parametrize("kind", ["five", "friction"])
 @given(wishes=WISHES)
 def test_the_tip_arrives_where_the_drawn_arms_would_and_is_seen_there(kind: str, wishes: list[list[float]]) -> None:
-    """Round trip wish → command → true angles, along any path; where a joint is held it is off by its slack at most."""
+    """Round trip wish → command → true angles, along any path; where a joint is held it is off by its slack at most.
+
+    Angles of five joints are not all determined by the tip: of 1500 random wishes the farthest was 0.24° off.
+    """
     made, motion = correction("so101", kind), Motion.at(np.zeros(5))
     for wish in map(np.array, wishes):
         q = made.command(wish, motion)

@@ -42,7 +42,7 @@ WORDS: dict[Cause, str] = {
     "gain": f"turns {{gain}} times as far as it is commanded, off by up to {{size}}. {CALIBRATE}",
     "full turn": "reads a full turn beside {turned}: it crosses the seam of its encoder. Calibrate it in the "
     "middle of its range",
-    "reversed": f"turns against its command. Set drive_mode of its motor, or: {CALIBRATE}",
+    "reversed": f"turns against its command. Set drive_mode of its motor. If that does not help: {CALIBRATE.lower()}",
     "swapped": "follows the command of {other}. Check whether the ids or the plugs of the two motors are swapped",
     "frozen": "stands still at {rests} while it is commanded to move, up to {size} off. Check that its motor "
     "answers and that its torque is on",

@@ -30,7 +30,7 @@ QUESTIONS = {
     ("order", "middle"): "Did something move, or did somebody touch the arm?",
 }
 """What may have caused a regime, by the kind of its variable and where the interval lies."""
-A_LENGTH = "A known length does: measure some distances, too (distance_mm), with a string or a ball bar."
+A_LENGTH = "A known length tells it: measure some distances, too (distance_mm), with a string or a ball bar."
 NEIGHBOURS = {1: "before", -1: "after"}
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, time_unknown_residual
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
-from lrm_ident.residual.deployment.later_error import LaterError
+from lrm_ident.residual.deployment.forecast_error import ForecastError
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -30,7 +30,7 @@ class DeployedError:
         time_unknown: where neither the time since power-on is known nor what the arm did before; None: nothing of the
             model follows them.
         state: what the deployed model keeps of its session; None: nothing.
-        among_measured: where the arm goes on changing (`later_error`): as `now` was by a cross-validation, which
+        among_measured: where the arm goes on changing (`forecast_error`): as `now` was by a cross-validation, which
             interpolates in time. `now` is of later poses then.
     """
 
@@ -42,7 +42,7 @@ class DeployedError:
 
     @classmethod
     def of(
-        cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock], later: LaterError,
+        cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock], later: ForecastError,
         left_out: Array = NO_RESIDUAL,
     ) -> DeployedError:  # fmt: skip
         """The error of a model that was cross-validated at these poses.

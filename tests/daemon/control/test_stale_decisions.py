@@ -48,7 +48,7 @@ CONFIGS: list[Config] = []
 
 
 @dataclass(frozen=True)
-class Step:
+class DelayedRequest:
     """A request: ticks for which the API process is stopped after its decision, and before its order is written, and
     ticks to the next one."""
 
@@ -63,7 +63,9 @@ class Step:
 KINDS = [
     "given", "given", "stored", "board", "hold", "relax", "relax one", "relax one", "disarm", "reset", "move", "jog",
 ]  # fmt: skip
-STEPS = st.lists(st.builds(Step, st.sampled_from(KINDS), JOINT, ANGLE, LONG, LONG, SHORT), min_size=2, max_size=5)
+STEPS = st.lists(
+    st.builds(DelayedRequest, st.sampled_from(KINDS), JOINT, ANGLE, LONG, LONG, SHORT), min_size=2, max_size=5
+)
 EVENTS = [
     "ramp killed", "ramp stopped", "brown-out", "unplugged", "api stopped", "estop", "estop, reset", "release",
     "daemon killed", "daemon killed",
@@ -107,14 +109,14 @@ class StaleDecisions(RuleBasedStateMachine):
         self.keep(45)
 
     @rule(steps=STEPS)
-    def back_to_back(self, steps: list[Step]) -> None:
+    def back_to_back(self, steps: list[DelayedRequest]) -> None:
         """Requests one right after the other."""
         self.take()
         for step in steps:
             self.ask(self.request(step), step.undecided, step.unwritten)
             self.sim.run(step.between)
 
-    def request(self, step: Step) -> Message:
+    def request(self, step: DelayedRequest) -> Message:
         token = self.token or "none"
         match step.kind:
             case "given" | "stored" | "board":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lrm_ident.residual.deployment.later_error import _Prediction
+from lrm_ident.residual.deployment.forecast_error import _Prediction
 
 
 def test_errors_are_whitened_by_the_covariance_of_noise_and_parameters() -> None:

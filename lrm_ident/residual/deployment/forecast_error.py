@@ -41,7 +41,7 @@ SURELY = NormalDist().inv_cdf(1.0 - NOT_NOISE)
 
 
 @dataclass(frozen=True)
-class LaterError:
+class ForecastError:
     """Errors of later poses as deployed, predicted from those before them, where these are surely worse than of poses
     predicted from all around; None: they are not.
 
@@ -74,7 +74,7 @@ class _Prediction:
         return np.asarray((white.reshape(-1, 3) ** 2).sum(axis=1))
 
 
-def later_error(model: Model, data: Measurements, loss: Loss, prior: Prior | None) -> LaterError:
+def forecast_error(model: Model, data: Measurements, loss: Loss, prior: Prior | None) -> ForecastError:
     """The error of later poses of a model that was fitted to these data; empty where the arm does not go on changing,
     or the data cannot tell: few poses, an order that is not known or follows a joint, or a residual field, which is
     learned apart."""
@@ -82,12 +82,12 @@ def later_error(model: Model, data: Measurements, loss: Loss, prior: Prior | Non
     data = data.take(np.isfinite(data.tcp).all(axis=1)).borne_by(model)
     begin, rows = _origin(model, data), np.arange(len(data))
     if not model.free or field_of(model) or not allows_rolling_origin(data) or len(data) - begin < FEWEST:
-        return LaterError()
+        return ForecastError()
     try:
         forecast = _predicted(model, data, rows < begin, loss, prior)
         around = [_predicted(model, data, rows % 2 == half, loss, prior) for half in (0, 1)]
     except LrmError:
-        return LaterError()
+        return ForecastError()
     noise = float(np.mean([each.sigma for each in around]))
     later = np.argsort(np.concatenate([rows[1::2], rows[::2]]))[begin:]
 
@@ -96,7 +96,7 @@ def later_error(model: Model, data: Measurements, loss: Loss, prior: Prior | Non
         z = paired_z(among[later], forecast.squares(forecasts, noise))
         return error_stats(forecasts) if z > SURELY else None
 
-    return LaterError(
+    return ForecastError(
         if_worse(forecast.followed, [each.followed for each in around]),
         if_worse(forecast.unknown, [each.unknown for each in around]),
     )
