@@ -16,7 +16,7 @@ from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.model.model import Model
 from validation import synthetic
 from validation.options import asked
@@ -120,8 +120,9 @@ def _drawn(model: Model, seed: int) -> Array:
 
 def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic.GroundTruth:
     nominal = synthetic.GroundTruth.nominal(rig)
-    soft = {key.split(".")[1]: value for key, value in values.items() if key.startswith("compliance")}
-    offsets = {k.removeprefix("offsets."): value for k, value in values.items() if k.startswith("offsets")}
+    by = {ParameterRef.parse(key): value for key, value in values.items()}
+    soft = {key.place: value for key, value in by.items() if key.id == "compliance"}
+    offsets = {f"{key.place}.{key.name}": value for key, value in by.items() if key.id == "offsets"}
     named = {name.removesuffix("_mm") + "_m" if name.endswith("_mm") else name: v for name, v in offsets.items()}
     return replace(
         nominal,

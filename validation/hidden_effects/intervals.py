@@ -15,6 +15,7 @@ import numpy as np
 import lrm_ident as lrm
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
+from lrm_math.effects import EffectRef, ParameterRef
 from lrm_math.errors import LrmError
 from validation.hidden_effects.case import ARM_FILE, Case
 from validation.hidden_effects.cases import SINGLE
@@ -134,8 +135,8 @@ def deviations_of(case: Case, seed: int, count: int, folder: Path) -> Iterator[t
     fitted = study.taken.fit
     for key, z in deviations(fitted, made):
         if key not in fitted.at_bound:
-            yield key.split(".")[0], key, z
-    beside = f"springs beside {(case.truth or ('nothing',))[0].split('@')[0]}"
+            yield ParameterRef.parse(key).id, key, z
+    beside = f"springs beside {EffectRef.parse((case.truth or ('nothing',))[0]).id}"
     for joint in SPRINGS:
         key = f"compliance.{joint}.k_rad_per_Nm"
         if key in fitted.model.free and key not in fitted.at_bound:

@@ -18,11 +18,11 @@ from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import EffectRef, ParameterRef, effects_at
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
-from validation.lerobot_robot.continuity import random_model
+from validation.lerobot_robot.continuity import HELD, random_model
 from validation.lerobot_robot.fitted_arms import fitted_arms
 from validation.options import asked
 
@@ -53,10 +53,10 @@ class RestErrors:
 def lagging_model(arm: Arm, rng: np.random.Generator) -> Model:
     """A model with play and friction on most joints, all of it lagging, and on half of the arms offsets and springs."""
     names = ["offsets", "compliance"] if rng.random() < 0.5 else ["compliance"]
-    names += [f"{name}@{joint}" for joint in arm.joint_names for name in DIRECTED if rng.random() < 0.4]
+    names += [str(EffectRef(name, joint)) for joint in arm.joint_names for name in DIRECTED if rng.random() < 0.4]
     whole = random_model(arm, rng)
     effects = [effect for name in names for effect in effects_at(arm, name)]
-    keys = [key for effect in effects for key in effect.keys if not key.startswith(("offsets.base", "offsets.tool"))]
+    keys = [key for effect in effects for key in effect.keys if ParameterRef.parse(key).effect not in HELD]
     known = dict(zip(whole.keys, whole.values.tolist(), strict=True))
     values = {
         key: known[key] if key in known else 0.01 * float(rng.normal())
@@ -68,7 +68,7 @@ def lagging_model(arm: Arm, rng: np.random.Generator) -> Model:
 
 def as_lag(model: Model) -> Model:
     """A model whose friction lags, however it was drawn."""
-    ends = [key.rpartition(".")[2] for key in model.keys]
+    ends = [ParameterRef.parse(key).name for key in model.keys]
     values = zip(ends, model.values.tolist(), strict=True)
     return model.with_values([-abs(x) if end in LAGGING else abs(x) if end == "b_rad" else x for end, x in values])
 
@@ -180,7 +180,7 @@ def _moves(q: Array, goal: Array) -> Array:
 
 
 def _of_motion(key: str) -> bool:
-    return key.rpartition(".")[2] in (*LAGGING, "b_rad", "k_rad_per_Nm")
+    return ParameterRef.parse(key).name in (*LAGGING, "b_rad", "k_rad_per_Nm")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.moves import moves_of
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import EffectRef
+from lrm_math.effects import EffectRef, ParameterRef
 from validation.lerobot_dataset import Recording, write_dataset
 from validation.motion.cases import FIRST, LATER, MotionCase, arm_of, truth_of
 from validation.motion.world import TrueJoints, recorded
@@ -59,7 +59,7 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
     study = start.auto()
     judged = study.judged()
     place = f"joint{joint + 1}"
-    right = {f"{kind}@{place}" for kind in case.true}
+    right = {str(EffectRef(kind, place)) for kind in case.true}
     named = tuple(one.effect.name for one in judged if one.identified)
     rest = tuple(
         f"{one.effect.name}: {one.kind}{' or ' + ', '.join(one.rivals) if one.rivals else ''}"
@@ -79,9 +79,8 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
     off = {}
     for key, value in truth_of(case, arm, joint).items():
         if key in study.model.values and study.model.sigma.get(key, 0.0) > 0.0:
-            kind, where, _ = key.split(".")
-            sound = where != place or right & {effect.name for effect in study.model.added}
-            if sound and EffectRef.parse(f"{kind}@{where}"):
+            where = ParameterRef.parse(key).place
+            if where != place or right & {effect.name for effect in study.model.added}:
                 off[key] = (study.model.values[key] - value) / study.model.sigma[key]
     before = start.fits[joint].held_out_rms
     degrees = [float(np.degrees(value)) for value in (before, after, noise)]
@@ -134,7 +133,7 @@ def by_parameter(found: list[MotionOutcome]) -> dict[str, list[float]]:
     out: dict[str, list[float]] = {}
     for one in found:
         for key, off in one.off.items():
-            kind, _, parameter = key.split(".")
+            kind, _, parameter = ParameterRef.parse(key)
             out.setdefault(f"{kind}.{parameter}", []).append(off)
     return out
 
