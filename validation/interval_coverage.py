@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.model.model import Model
 from validation import synthetic
 from validation.options import asked
+from validation.runner import run_cases
 from validation.synthetic_measurements import NOISE, measured
 
 ARM, POSES, SEEDS = "lrm-lab", 100, 100
@@ -136,22 +138,33 @@ def _prior(model: Model) -> Prior:
     return to_prior(Path(ARM_PRIOR.name), ARM_PRIOR, model)
 
 
+RUNS = {
+    "option 1, least squares": option_1,
+    "all parameters, with prior": all_with_prior,
+    "drift of a joint, time constant unknown": drift_of_unknown_time_constant,
+}
+
+
+def examine(seeds: range, name: str) -> IntervalCoverage:
+    """The coverage of a run."""
+    return RUNS[name](seeds)
+
+
+def line(name: str, found: IntervalCoverage) -> str:
+    """The shares of a run."""
+    key, share = found.worst
+    return (
+        f"{name}: {found.z.shape[1]} parameters; within 3 standard errors {100 * found.within_3:.2f} %; "
+        f"95 % intervals hold {100 * found.within_95:.2f} % of the truths (worst: {key}, {100 * share:.0f} %)"
+    )
+
+
 def main() -> None:
     """Prints the shares of all runs."""
-    seeds = range(asked(__doc__, seeds=SEEDS).seeds)
-    print(f"{len(seeds)} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
-    runs = (
-        ("option 1, least squares", option_1),
-        ("all parameters, with prior", all_with_prior),
-        ("drift of a joint, time constant unknown", drift_of_unknown_time_constant),
-    )
-    for name, run in runs:
-        found = run(seeds)
-        key, share = found.worst
-        print(
-            f"{name}: {found.z.shape[1]} parameters; within 3 standard errors {100 * found.within_3:.2f} %; "
-            f"95 % intervals hold {100 * found.within_95:.2f} % of the truths (worst: {key}, {100 * share:.0f} %)"
-        )
+    options = asked(__doc__, seeds=SEEDS, jobs=1)
+    found = run_cases({name: name for name in RUNS}, partial(examine, range(options.seeds)), line, options.jobs)
+    print(f"{options.seeds} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
+    print(*(line(*one) for one in found.items()), sep="\n")
 
 
 if __name__ == "__main__":

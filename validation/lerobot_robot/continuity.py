@@ -100,10 +100,10 @@ def followed_without_bounds(made: Correction, path: Array) -> Array | None:
     return np.array(sent)
 
 
-def figures(values: Sequence[float]) -> str:
+def figures(values: Sequence[float]) -> tuple[str, ...]:
     """RMS, median, 90th percentile and greatest of errors (mm)."""
     x = np.array(values)
-    return f"{np.sqrt((x**2).mean()):.2f} | {np.median(x):.3f} | {np.percentile(x, 90):.2f} | {x.max():.1f}"
+    return f"{np.sqrt((x**2).mean()):.2f}", f"{np.median(x):.3f}", f"{np.percentile(x, 90):.2f}", f"{x.max():.1f}"
 
 
 def _add_step(made: Correction, before: BoundedCommand, answer: BoundedCommand, found: PathFigures) -> None:

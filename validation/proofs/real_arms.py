@@ -7,7 +7,6 @@ poses. *As deployed*: the same of the model that goes to the arm, without what b
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import solve_equilibrium
+from validation.options import asked
 from validation.proofs.result_file import FOLDER, computed, write
 
 NAME = "real-arms.json"
@@ -65,10 +65,7 @@ def _mm(metres: float) -> float:
 
 def main() -> None:
     """Writes the result."""
-    parser = argparse.ArgumentParser("python -m validation.proofs.real_arms", description=__doc__)
-    parser.add_argument("--data", type=Path, required=True, help="folder of the public data")
-    parser.add_argument("-o", "--out", type=Path, default=FOLDER / NAME)
-    options = parser.parse_args()
+    options = asked(__doc__, data=(Path(), "folder of the public data"), out=FOLDER / NAME)
     write(options.out, computed(COLUMNS, list(lines(options.data))))
 
 
