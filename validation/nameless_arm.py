@@ -23,9 +23,9 @@ NOISE, WIDEST, SOFTNESS = 3e-4, 1.2, 0.03
 def measured(seed: int, size: float, count: int = 260) -> Measurements:
     """Measurements at random poses, with a displacement of amplitude `size` (m)."""
     rng = np.random.default_rng(seed)
-    poses, number = poses_of(rng.uniform(-WIDEST, WIDEST, (count, ARM.dof))), np.arange(1, count + 1)
+    poses = poses_of(rng.uniform(-WIDEST, WIDEST, (count, ARM.dof)))
     nothing = np.zeros((count, 3))
-    plain = Study.of(Measurements.of_tcp(poses, nothing, NOISE, pose=number, source=Source(arm=ARM)))
+    plain = Study.of(Measurements.of_tcp(poses, nothing, NOISE, source=Source(arm=ARM)))
     springs = np.where([ParameterRef.parse(key).id == "compliance" for key in plain.model.keys], SOFTNESS, 0.0)
     tcp = solve_equilibrium(plain.model.with_values(springs), poses).tcp + displacement(poses.q, size)
     return replace(plain.data, source=Source(sha256=str(seed), arm=ARM)).with_tcp(

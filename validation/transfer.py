@@ -110,9 +110,9 @@ def _measured(
 ) -> Measurements:
     """Measurements at commands q (rad); without noise if there is no seed."""
     tcp = synthetic.measure(arm, truth, q, 0.0, 0.0 if seed is None else NOISE, seed or 0)
-    number, described = np.arange(1, len(q) + 1), arm_file.load_arm(name)
+    described = arm_file.load_arm(name)
     poses = Poses(q, np.zeros(len(q)), directions(q, np.zeros(q.shape[1])))
-    return Measurements.of_tcp(poses, tcp, NOISE, pose=number, source=Source(arm=described, arm_name=name))
+    return Measurements.of_tcp(poses, tcp, NOISE, source=Source(arm=described, arm_name=name))
 
 
 def _fitted(effects: Sequence[str], data: Measurements) -> Study:
