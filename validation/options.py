@@ -15,7 +15,8 @@ def asked(description: str | None, *positional: str, **options: Any) -> argparse
         description: printed by --help; the docstring of the program.
         positional: names of paths that must be given; with a "?" behind them, may be; with a "+", several.
         options: default by name, or (default, help), or (default, help, choices). The type is that of the default; a
-            path's default may be None; False is a flag; a list takes several values, and may be given again.
+            path's default may be None; False is a flag; a list takes several values, and may be given again, and one
+            that holds a type alone is empty.
     """
     spec = getattr(sys.modules["__main__"], "__spec__", None)
     name = "" if spec is None else spec.name.removesuffix(".__main__")
@@ -31,8 +32,9 @@ def asked(description: str | None, *positional: str, **options: Any) -> argparse
         default, words, choices = (*stated, None, None)[:3] if isinstance(stated, tuple) else (stated, None, None)
         how: dict[str, Any] = {"action": "store_true"} if default is False else {"choices": choices}
         if isinstance(default, list):
-            how |= {"action": "extend", "nargs": "+", "type": type(default[0]) if default else str}
-            lists[option], default = default, None
+            first = default[0]
+            how |= {"action": "extend", "nargs": "+", "type": first if isinstance(first, type) else type(first)}
+            lists[option], default = [] if isinstance(first, type) else default, None
         elif default is not False:
             how["type"] = Path if default is None or isinstance(default, Path) else type(default)
         names = (*(("-o",) if option == "out" else ()), f"--{option.replace('_', '-')}")

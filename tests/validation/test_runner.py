@@ -79,12 +79,30 @@ def test_an_outcome_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
 
 
 def test_options_take_the_types_of_their_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ["program", "a", "b", "--pwm", "50", "330", "--pwm", "1", "--name", "x", "--quick", "--out", "c"]
+    words = [
+        "program",
+        "a",
+        "b",
+        "--pwm",
+        "50",
+        "330",
+        "--pwm",
+        "1",
+        "--name",
+        "x",
+        "--quick",
+        "--out",
+        "c",
+        "--seeds",
+        "3",
+    ]
     monkeypatch.setattr(sys, "argv", words)
-    given = asked(None, "folders+", pwm=[25.0], kinds=["off"], name="", quick=False, out=None, jobs=1)
+    given = asked(
+        None, "folders+", pwm=[25.0], kinds=["off"], name="", quick=False, out=None, jobs=1, seeds=[int], only=[str]
+    )
     assert given.folders == [Path("a"), Path("b")]
     assert (given.pwm, given.kinds, given.name, given.quick) == ([50.0, 330.0, 1.0], ["off"], "x", True)
-    assert (given.out, given.jobs) == (Path("c"), 1)
+    assert (given.out, given.jobs, given.seeds, given.only) == (Path("c"), 1, [3], [])
 
 
 def test_a_table_has_a_row_for_each_group_with_results() -> None:

@@ -19,6 +19,7 @@ from validation.lerobot_dataset import Recording, write_dataset
 from validation.motion.cases import FIRST, LATER, MotionCase, arm_of, truth_of
 from validation.motion.world import TrueJoints, recorded
 from validation.options import asked
+from validation.runner import run_cases
 
 
 @dataclass(frozen=True)
@@ -88,43 +89,57 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
     return MotionOutcome(case.name, joint + 1, named, rest, verdict, degrees[0], degrees[1], degrees[2], off, seconds)
 
 
+def examine(task: tuple[str, TrueJoints, int, Recording]) -> MotionOutcome:
+    """The answer to a case by its name; its arm, the joint and the recording, as `answered` takes them."""
+    name, arm, joint, made = task
+    return answered(next(case for case in (*FIRST, *LATER) if case.name == name), arm, joint, made)
+
+
+def line(_key: str, one: MotionOutcome) -> str:
+    """Progress in one line."""
+    return (
+        f"{one.case:20} joint{one.joint} {one.verdict:7} {one.before:.3f} -> {one.after:.3f} deg "
+        f"(noise {one.noise:.3f}), 95 % intervals {one.inside[0]}/{one.inside[1]}, {one.seconds:.0f} s: "
+        f"{', '.join(one.named) or 'no cause identified'} | {'; '.join(one.rest) or '-'}"
+    )
+
+
 def main() -> None:
-    """Makes the recordings of all cases at once, and answers one after the other."""
+    """Makes the recordings of all cases at once, answers them, and prints the answers."""
     given = asked(
         __doc__,
         seed=0,
         only=("", "first, later, or a part of a case's name"),
         json=None,
         write=(None, "only write the recording of the first chosen case, as a dataset"),
+        jobs=1,
     )
-    written = [("first", case) for case in FIRST] + [("later", case) for case in LATER]
-    chosen = [(when, case) for when, case in written if given.only in ("", when) or given.only in case.name]
+    written = {case.name: when for when, cases in (("first", FIRST), ("later", LATER)) for case in cases}
+    chosen = [case for case in (*FIRST, *LATER) if given.only in ("", written[case.name]) or given.only in case.name]
     rng = np.random.default_rng(given.seed)
     if given.write:
-        arm, joint = arm_of(chosen[0][1], rng)
+        arm, joint = arm_of(chosen[0], rng)
         write_dataset(given.write, recorded([arm], rng)[0], "v3.0")
-        print(f"{chosen[0][1].name} in joint {joint + 1}, written to {given.write}")
+        print(f"{chosen[0].name} in joint {joint + 1}, written to {given.write}")
         return
-    arms = [arm_of(case, rng) for _, case in chosen]
-    found = []
-    for (when, case), (arm, joint), made in zip(chosen, arms, recorded([arm for arm, _ in arms], rng), strict=True):
-        one = answered(case, arm, joint, made)
-        found.append((when, one))
-        print(
-            f"{when:6} {one.case:20} joint{one.joint} {one.verdict:7} {one.before:.3f} -> {one.after:.3f} deg "
-            f"(noise {one.noise:.3f}), 95 % intervals {one.inside[0]}/{one.inside[1]}, {one.seconds:.0f} s: "
-            f"{', '.join(one.named) or 'no cause identified'} | {'; '.join(one.rest) or '-'}",
-            flush=True,
-        )
-    verdicts = Counter(one.verdict for _, one in found)
-    held, of = (sum(one.inside[k] for _, one in found) for k in (0, 1))
+    arms = [arm_of(case, rng) for case in chosen]
+    made = recorded([arm for arm, _ in arms], rng)
+    tasks = {
+        case.name: (case.name, arm, joint, recording)
+        for case, (arm, joint), recording in zip(chosen, arms, made, strict=True)
+    }
+    found = run_cases(tasks, examine, line, given.jobs)
+    for name, one in found.items():
+        print(f"{written[name]:6} {line(name, one)}")
+    verdicts = Counter(one.verdict for one in found.values())
+    held, of = (sum(one.inside[k] for one in found.values()) for k in (0, 1))
     print(f"{dict(verdicts)}; 95 % intervals that hold the truth: {held} of {of}")
-    for name, offs in by_parameter([one for _, one in found]).items():
+    for name, offs in by_parameter([*found.values()]).items():
         print(
             f"  {name:28} {int(np.sum(np.abs(offs) <= 1.96)):3} of {len(offs):3}, farthest {np.max(np.abs(offs)):.1f}"
         )
     if given.json:
-        cases = [{"written": when, **asdict(one), "inside": one.inside} for when, one in found]
+        cases = [{"written": written[name], **asdict(one), "inside": one.inside} for name, one in found.items()]
         given.json.write_text(json.dumps({"seed": given.seed, "cases": cases}, indent=1) + "\n")
 
 

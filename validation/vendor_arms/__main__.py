@@ -68,8 +68,8 @@ def main() -> None:
         __doc__,
         "folders+",
         all=(False, "print every file that is refused"),
-        xacro=([], "arguments of xacro files, NAME:=VALUE"),
-        accept=([], "of a copy without meshes: mass"),
+        xacro=([str], "arguments of xacro files, NAME:=VALUE"),
+        accept=([str], "of a copy without meshes: mass"),
         jobs=1,
     )
     files = {str(path): path for folder in options.folders for path in robot_files(folder)}
