@@ -25,7 +25,7 @@ import numpy as np
 from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fitting.priors import PriorFile
 from lrm_ident.fleet.fleet_prior import prior_text
-from lrm_ident.fleet.fleet_report import fleet_result
+from lrm_ident.fleet.fleet_report import fleet_result, outlier_sentence
 from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet, task_of
 from lrm_math.errors import LrmError
@@ -63,8 +63,8 @@ def main() -> None:
     for name, results in found.items():
         tips = [one.tip_mm for one in results]
         wrong, missed = (sum(len(getattr(one, kind)) for one in results) for kind in ("false_names", "missed"))
-        each = " ".join(f"{tip:.2f}" for tip in tips)
-        print(f"{name}: median tip error {np.median(tips):.3f} mm ({each}); false names {wrong}, missed {missed}")
+        every = " ".join(f"{tip:.2f}" for tip in tips)
+        print(f"{name}: median tip error {np.median(tips):.3f} mm ({every}); false names {wrong}, missed {missed}")
     with_prior, _, without = ([one.tip_mm for one in results] for results in found.values())
     false_with, _, false_without = (sum(len(one.false_names) for one in results) for results in found.values())
     good = np.median(with_prior) <= np.median(without) and false_with <= false_without
@@ -98,7 +98,7 @@ def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> P
         f"{back / 1e3:.1f} kB per arm; seen together in {time.monotonic() - begun:.1f} s"
     )
     for one in result.outliers:
-        print(f"  {one.sentence}")
+        print(f"  {outlier_sentence(one)}")
     if isinstance(result.known, str):
         raise LrmError(result.known)
     path = folder / "prior.toml"
