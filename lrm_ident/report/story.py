@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
+from lrm_ident.report.text.claims import chosen_again
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects import EffectRef
 from lrm_math.effects.targets import FRAME_PLACE
@@ -59,6 +60,7 @@ class Story:
         steps: of the nominal arm, of every fit, of every effect that was added.
         held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
         nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold.
+        chosen_in_folds, folds: how many of the folds chose each effect anew.
         of_tracker: whether an error of the tracker was added.
         noise_rms_mm: of the measurement; noise_bound_rms_mm: where that is not known, what it is at most.
     """
@@ -70,6 +72,8 @@ class Story:
     noise_rms_mm: float | None = None
     noise_bound_rms_mm: float | None = None
     of_tracker: bool = False
+    chosen_in_folds: Mapping[str, int] = field(default_factory=dict)
+    folds: int = 0
 
     @property
     def later(self) -> tuple[StoryStep, ...]:
@@ -100,6 +104,11 @@ class Story:
             ("measurement noise", self.noise_bound_rms_mm if self.noise_rms_mm is None else None, " at most"),
         )
         return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in known if value)
+
+    @property
+    def certainty(self) -> tuple[tuple[str, str], ...]:
+        """How often the effects were chosen again, labelled; empty where no cross-validation chose them anew."""
+        return (("chosen again", chosen_again(self.chosen_in_folds, self.folds)),) if self.folds else ()
 
     def table(self) -> ResultTable:
         """The steps, the error of the fit with the longest bar: beside that of the nominal arm the others are dots."""
@@ -161,7 +170,8 @@ def story_of(
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]
     of_tracker = any(EffectRef.parse(name).place == FRAME_PLACE for name in names)
-    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker)
+    chosen = course.chosen_in_folds, course.folds
+    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker, *chosen)
 
 
 def _alike(one: float | None, other: float | None) -> bool:

@@ -20,7 +20,7 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import plain_name, repair_advice
+from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
@@ -46,9 +46,10 @@ from lrm_math.kinematics.history import PACE_S
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
+LACKS = "what these poses lack"
 FIRST = (
     "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
-    "hidden at most",
+    "hidden at most", "chosen again", LACKS,
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
 FOLDED = ("black-box model",)
@@ -136,7 +137,7 @@ class Conclusion:
                 steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
-        why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
+        why = section(LACKS[0].upper() + LACKS[1:], self.reasons[:REASONS_SHOWN])
         shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED and fact[1] != NOT_YET)
         return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
 
@@ -173,6 +174,11 @@ def _has_already(report: DiagnosisReport) -> dict[str, Effect]:
     return {effect.name: effect for effect in here if effect.id not in DEFAULT_EFFECTS}
 
 
+def _empirical(report: DiagnosisReport) -> list[str]:
+    """The empirical terms that the model has already."""
+    return [effect.name for effect in report.diagnosis.fit.model.effects if effect.is_free_form]
+
+
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
@@ -196,13 +202,17 @@ def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
     known = list(_has_already(report))
     changes = report.deployed.among_measured is not None
+    left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
+    if not known and (terms := _empirical(report)):
+        what = enumerate_words(list(map(plain_name, terms)), IN_HEADLINE)
+        corrects = "an empirical term, corrects" if len(terms) == 1 else "empirical terms, correct"
+        return f"{NOT_IDENTIFIED}; {what}, {corrects} the error{left}"
     if not known:
         return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
     named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
     them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
     other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
     unsure = any(report.indistinguishable.get(name) for name in known)
-    left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
     return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model{left}"
 
 
@@ -259,6 +269,9 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     if report.verdict.quiet:
         known = _has_already(report)
         certain = [effect for name, effect in known.items() if not report.indistinguishable.get(name)]
+        if not known and (terms := _empirical(report)):
+            places = dict.fromkeys(map(place_in_words, terms))
+            return f"{NOT_YET}; look there first: {enumerate_words(list(places), LISTED)}"
         return NOT_YET if known and not certain else repair_advice(*certain[:LISTED])
     if first is not None and attribution == Support.FINDING and not first.equivalent:
         return repair_advice(first.scored.candidate.effect)

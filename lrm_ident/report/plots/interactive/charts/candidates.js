@@ -73,15 +73,16 @@ function lrmCandidates(page) {
 
   function drawRanking(choose) {
     const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
+    const drawn = (one) => one.gain !== null && !["no_evidence", "refused"].includes(one.standing); // no bar of what chance does as well
     const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"), ...some((one) => one.held === "–", "– not refitted"),
-      ...some((one) => one.gain !== null, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
+      ...some(drawn, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
     lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
-    const known = v.ranking.filter((one) => one.gain !== null), above = (one) => one.heldOut + one.gain - (v.floor ?? 0);
+    const known = v.ranking.filter(drawn), above = (one) => one.heldOut + one.gain - (v.floor ?? 0);
     const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
     const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" data-name="${one.name}" title="${one.mark}">
         <input type="radio" name="lrm-candidate" value="${one.name}"${one.name === state.candidate ? lrmHtml` checked` : ""}>
-        <span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
+        <span class="lrm-bar" style="width: ${drawn(one) ? 100 * Math.max(0, one.gain) / most : 0}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
         <span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></label>`)}`);
     list.onchange = (event) => { choose(event.target.value); list.querySelector(":checked").focus({ preventScroll: true }); };
   }

@@ -37,7 +37,7 @@ function lrmSteps(page) {
 
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? `${lead}: ` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}`);
+    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? lrmHtml`<div>${lead}:</div>` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}`);
     return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
   }
 
@@ -76,7 +76,7 @@ function lrmSteps(page) {
 
   function article(card) {
     const fall = `${card.fall} mm`.replaceAll(" ", "\u00a0"), one = card.equivalent.length ? "If it is this one: " : "";
-    const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
+    const share = card.share === null || !card.adds ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
     const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${Number(card.ratio.toPrecision(2))} times as much squared error stays unexplained, so another cause may stand behind it.`;
     const rivals = lrmHtml`<h4>${card.equivalent.length ? "What else it could be" : "The other candidates"}, and what each alone would have left</h4>
       <ul>${card.rivals.map((rival) => lrmHtml`<li>${rival.title} (${rival.name}): ${rival.why}</li>`)}</ul>`;
@@ -84,7 +84,7 @@ function lrmSteps(page) {
       <div class="lrm-card-says">${lrmSketch(card.sketch)}
         <p>${card.claim ? `${one}${card.claim}. ` : ""}RMS error ${card.held_out ? state.values.unseen : "on these data"}: ${fall}${share}.${left}</p>
         ${card.unrivalled ? lrmHtml`<p>No other effect explained it as well.</p>` : ""}
-        ${card.rivals.length ? rivals : card.unrivalled ? "" : lrmHtml`<p class="lrm-soft">${others(card)}</p>`}</div>
+        ${card.rivals.length ? rivals : card.unrivalled || !card.adds ? "" : lrmHtml`<p class="lrm-soft">${others(card)}</p>`}</div>
       <div class="lrm-figure lrm-card-figure" id="lrm-card-${card.number}"></div><p class="lrm-sample lrm-soft"></p>
       ${card.estimates.length ? lrmHtml`<details class="lrm-soft"><summary>${plural(card.estimates.length, "coefficient")} of ${card.name}</summary><p>${card.estimates.join(", ")}</p></details>` : ""}</article>`;
   }
