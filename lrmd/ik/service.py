@@ -463,8 +463,8 @@ class IkService:
         planner = Planner(self.config, guard, payload)
         for goal in goals:
             check_cancelled()
-            if guard.check(np.array([start, goal]), payload)[0].free:
-                return with_corners(self.config, np.array([start, goal]))
+            if (straight := planner.allowed((tuple(request.from_rad),), goal)) is not None:
+                return straight
         return planner.find(request.from_rad, goals.tolist(), request.seed, check_cancelled)
 
     def _line(self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known) -> JointPath | NoPlan:
@@ -479,12 +479,12 @@ class IkService:
         )
         if isinstance(found, LineEnd):
             return found
-        path = np.array(found)
-        move, number = self._guard(request, path).check(path, payload)
+        path = with_corners(self.config, np.array(found))
+        move, number = self._guard(request, np.array(path)).check(np.array(path), payload)
         if not move.free:
-            tip = self.solver.forward(path[number], payload).tcp
+            tip = self.solver.forward(np.array(path[number]), payload).tcp
             return LineEnd(f"no straight line: {move} of its part {number + 1} of {len(path) - 1}", tip)
-        return with_corners(self.config, path)
+        return path
 
     def _guard(self, request: PlanRequest, poses: Array) -> CollisionGuard:
         """The guard of a plan between poses (K, n), with the contacts that it permits. Raises `LrmError`."""
