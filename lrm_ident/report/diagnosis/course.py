@@ -280,7 +280,8 @@ def proposal_document(found: LawProposal) -> Document:
         "nested_held_out_rms_mm": found.nested * 1e3,
         "proposed": None if best is None else {"joint": best.law.joint + 1, "formula": best.law.formula},
         "held_out": None if best is None else best.error,
-        "reason": no_law_words(found),
+        "reason": found.reason,
+        "why": no_law_words(found),
         "indistinguishable_from": [
             {"joint": law.joint + 1, "formula": law.formula, "held_out_rms_mm": rms * 1e3}
             for law, rms in found.equivalent

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.symbolic_regression.proposal import NoLaw
+from lrm_ident.report.document import Document, stated
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import NO_LAW, reason_words
 from lrm_ident.report.text.residuals import hint_sentence, scale_sentence
@@ -115,6 +118,17 @@ def test_every_limitation_has_its_sentence(limitation: Limitation, words: str) -
 )
 def test_every_hint_has_its_sentence(hint: ParameterHint, words: str) -> None:
     assert hint_sentence(hint).startswith(words)
+
+
+def test_for_machines_values_stand_beside_their_sentence() -> None:
+    few = Limitation(LimitationKind.FEW_ANGLES, (1, 2), (2, 4))
+    turned = ParameterHint(HintKind.TURNED_FRAME, (0.02,))
+    values = {"audit": stated([few], limitation_sentence), "hints": stated([turned], hint_sentence)}
+    told = json.loads(Document([], "lrm/diagnosis/1", values).json())
+    said = {"sentence": limitation_sentence(few)}
+    assert told["audit"] == [{"kind": "few_angles", "joints": [1, 2], "numbers": [2, 4], **said}]
+    said = {"sentence": hint_sentence(turned)}
+    assert told["hints"] == [{"kind": "turned_frame", "numbers": [0.02], "names": [], **said}]
 
 
 @pytest.mark.parametrize(

@@ -228,8 +228,7 @@ def world(seed: int, size: float, poses: int) -> Measurements:
     frequency, phase = wave.uniform(0.5, 2.5, (3, SMALL.dof)), wave.uniform(0.0, 2.0 * np.pi, 3)
     axis, q = wave.normal(size=(3, 3)), place.uniform(-WIDEST, WIDEST, (poses, SMALL.dof))
     waves = np.sin(q @ frequency.T + phase) @ (axis / np.linalg.norm(axis))
-    number = np.arange(1, poses + 1)
-    data = Measurements.of_tcp(poses_of(q), np.zeros((poses, 3)), NOISE_M, pose=number, source=Source(arm=SMALL))
+    data = Measurements.of_tcp(poses_of(q), np.zeros((poses, 3)), NOISE_M, source=Source(arm=SMALL))
     tcp = solve_equilibrium(Study.of(data).model, data.poses).tcp + size * waves
     return replace(data, source=Source(sha256=f"{seed}-{poses}", arm=SMALL)).with_tcp(
         tcp + place.normal(0.0, NOISE_M, tcp.shape)
