@@ -116,7 +116,7 @@ def test_variants_are_as_far_apart_as_the_fit_leaves_open(tmp_path: Path) -> Non
     found = [joint_dynamics(one, model_of(ARM, ()))[0]["wrist_roll"].armature for one in drawn]
     assert np.std(found) == pytest.approx(2.0 * 0.1 / FREQUENCY / SAG / omega**2, rel=0.15)
     tables = {
-        "schema": "lrm/motion/1", "arm": "so101", "effects": [effect.name for effect in open_.effects],
+        "schema": "lrm/motion/2", "arm": "so101", "effects": [effect.name for effect in open_.effects],
         "parameters": dict(open_.values), "sigma": {key: 0.1},
     }  # fmt: skip
     (tmp_path / "motion.toml").write_text(tomli_w.dumps(tables))
