@@ -178,6 +178,33 @@ def test_one_mcap_file_has_commands_and_tip(tmp_path: Path, example_model: Path)
         MotionSource(path, tool="hand").moves(ARM)
 
 
+def test_one_mcap_file_has_commands_and_what_the_encoders_read(tmp_path: Path) -> None:
+    log, _ = recorded()
+    path, late = tmp_path / "drive.mcap", 0.1
+    t = np.arange(log.t[0] + 1.0, log.t[-1], 0.02)
+    t = t[(t < 120.0) | (t > 120.5)]
+    t = t + np.random.default_rng(3).uniform(-2e-3, 2e-3, len(t))
+    with path.open("wb") as file:
+        writer = pytest.importorskip("mcap.writer", reason="extra mcap").Writer(file)
+        writer.start()
+        schema = writer.register_schema("sensor_msgs/JointState", "jsonschema", b"{}")
+        for topic, times, angles in (("/told", log.t, log.q), ("/read", t, log.at(t - late))):
+            channel = writer.register_channel(topic, "json", schema)
+            for at, q in zip(times.tolist(), angles.tolist(), strict=True):
+                stamp = {"sec": int(at), "nsec": round((at - int(at)) * 1e9)}
+                write(writer, channel, at, {"header": {"stamp": stamp}, "name": [], "position": q})
+        writer.finish()
+    moves = MotionSource(path, topic="/told", encoders="/read").moves(ARM)
+    assert len(np.unique(moves.episode)) == 2
+    assert moves.dt == pytest.approx(0.02, rel=0.02)
+    behind = moves.command[:, :-5, 0] - moves.reading[:, 5:, 0]
+    assert np.abs(behind[moves.counted[:, 5:]]).max() < SPEED * 0.025, "rad: a command stays until the next"
+    with pytest.raises(FileError, match="leave --tip out"):
+        MotionSource(path, tmp_path / "tip.csv", topic="/told", encoders="/read").moves(ARM)
+    with pytest.raises(FileError, match="no joint states in /seen"):
+        MotionSource(path, topic="/told", encoders="/seen").moves(ARM)
+
+
 def write_mcap(path: Path, log: CommandLog, track: TipTrack) -> None:
     """Foxglove's JSON: joint states without names, and transforms of the tool."""
     writer_of = pytest.importorskip("mcap.writer", reason="extra mcap").Writer
