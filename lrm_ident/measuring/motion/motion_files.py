@@ -38,8 +38,8 @@ class MotionSource:
     Attributes:
         recording: a LeRobot dataset, or a log of commands (CSV or MCAP). tip: what a tracker recorded meanwhile; None:
             it is in the log's own file. tool, base: bodies of it. topic, encoders: of commands, and of what encoders
-            read, in an MCAP file. rotation: as in `RecordingFile`. rest: a fitted model of poses; None: the nominal arm. angle_unit, prefix: see
-            `read_frames`.
+            read, in an MCAP file. rotation: as in `RecordingFile`. rest: a fitted model of poses; None: the nominal
+            arm. angle_unit, prefix: see `read_frames`.
     """
 
     recording: Path
