@@ -158,7 +158,7 @@ def _check_inertia_is_counted_once(path: Path, effects: tuple[MotionEffect, ...]
     for joint in {effect.joint for effect in effects}:
         both = [effect.name for effect in effects if effect.joint == joint and isinstance(effect, INERTIAL)]
         if len(both) > 1:
-            what = f"{' and '.join(both)} are of a fit by an older version, and now count the links' inertia twice"
+            what = f"{' and '.join(both)}, fitted by an older version, now count the links' inertia twice"
             raise FileError(path, "effects", what, "fit it again: lrm-ident motion fit, then motion auto")
 
 
