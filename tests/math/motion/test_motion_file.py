@@ -43,7 +43,7 @@ def test_a_swing_without_a_frequency_is_none(tmp_path: Path) -> None:
 def test_two_effects_of_an_older_fit_that_count_one_inertia_are_to_be_fitted_again(tmp_path: Path, other: str) -> None:
     path = tmp_path / "motion.toml"
     path.write_text(OLDER.replace('"gravity_sag@joint2"', f'"gravity_sag@joint2", "{other}@joint2"') + SIZES[other])
-    with pytest.raises(FileError, match=rf"gravity_sag@joint2 and {other}@joint2 .* twice; fit it again") as caught:
+    with pytest.raises(FileError, match=rf"gravity_sag@joint2 and {other}@joint2, .* twice; fit it again") as caught:
         load_motion(path)
     assert "\n" not in str(caught.value)
     path.write_text(path.read_text().replace("lrm/motion/1", "lrm/motion/2"))
