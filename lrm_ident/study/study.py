@@ -167,7 +167,7 @@ class Study(ModelOnData, ShownInNotebook):
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
         step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
-        return replace(study, notices=notices)._after(step, self)
+        return replace(study, notices=notices)._after(step, study)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -195,7 +195,7 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.auto import run_auto
 
-        study, latest = self.identifiable(), self
+        study = latest = self.identifiable()
 
         def taken(step: Step) -> None:
             """Follows the run with a study."""
@@ -274,20 +274,20 @@ class Study(ModelOnData, ShownInNotebook):
         """
         if self.prior_name not in (None, TYPICAL):
             model = named_part(self.model)
-            return self._fitted_with(model, model.free, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
+            fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
+            return self._instead(fitted, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
         study = self.named()
         free, keys = study.model.free, fittable(study.model)
         held = tuple(key for key in keys if key not in free and ParameterRef.parse(key).id in DEFAULT_EFFECTS)
         if not held or not free:
             return study
         try:
-            return study._fitted_with(study.model, [*free, *held], Notice(NoticeKind.DIMENSIONS_HELD, held))
+            refitted = fit_identifiable(study.model, self.data, [*free, *held], self.loss).fit
         except LrmError:
             return study
-
-    def _fitted_with(self, model: Model, keys: Sequence[str], notice: Notice) -> Study:
-        """The study with some parameters of a model fitted with typical sizes before a step."""
-        return self._instead(fit_identifiable(model, self.data, keys, self.loss).fit.model, notice)
+        step = Step(StepName(REFIT, TYPICAL), deployable(refitted, self.data), self.data, study.model)
+        notices = (*study.notices, Notice(NoticeKind.DIMENSIONS_HELD, held))
+        return replace(study, notices=notices)._after(step, study)
 
     def named(self) -> Study:
         """The study without a residual field, which is no cause and may hide one."""
