@@ -162,7 +162,9 @@ def test_a_target_that_was_put_on_again_is_named_and_deployed_as_it_sits_now(
     healthy, described = measured(6, sessions=sessions), load_arm(ARM_FILE)
     truth = as_deviations(described, GroundTruth.random(described, 6, ()))
     x, y, z = described.tool.xyz_m
-    moved = replace(described, tool=replace(described.tool, xyz_m=(x + 0.003 * times, y - 0.002 * times, z + 0.001 * times)))
+    moved = replace(
+        described, tool=replace(described.tool, xyz_m=(x + 0.003 * times, y - 0.002 * times, z + 0.001 * times))
+    )
     session = np.ones(len(healthy)) if healthy.poses.session is None else healthy.poses.session
     now = measure(
         moved,
