@@ -12,11 +12,13 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from lrm_ident.data.observations.distances import Distances
-from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm
+from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm, poses_count
 from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
+from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
@@ -28,6 +30,7 @@ from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_i
 from lrm_ident.report.text.residuals import (
     A_LENGTH,
     BLACK_BOX,
+    WHY_OFF,
     predictable_brief,
     regime_brief,
     scale_sentence,
@@ -66,6 +69,8 @@ ORDERED = frozenset({"direction", "time", "session"})
 """What an effect depends on if the order of the poses decides it."""
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
+NOT_LASTING = frozenset({ReasonKind.NOT_BETTER_LATER, ReasonKind.WORSE_DEPLOYED})
+"""Reasons that refuse an effect for later poses, not for these."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
 WHY_NOT = {
     Verdict.EFFECT_DESCRIBES: "the error is systematic, but these poses do not show why.",
@@ -252,8 +257,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "far off", " ".join(_far_poses(report))
     rows = map(shifted_sentence, report.diagnosis.shifted)
     yield "rows", " ".join(f"{words[0].upper()}{words[1:]}." for words in rows)
-    outliers = report.diagnosis.outliers
-    yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
+    yield "left out", _left_out(report.diagnosis)
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
         yield "in the model", enumerate_words(list(map(plain_name, known)), LISTED)
     yield "repair", _repair(report, attribution)
@@ -403,14 +407,43 @@ def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
 
 
 def _looks_like(report: DiagnosisReport) -> str:
-    """The free function that explains most of an unexplained error, if it explains enough to be worth a word."""
+    """What explains most of an unexplained error, if enough to be worth a word: a free function, or a known effect that
+    is not named since later poses speak against it."""
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
     left = dict(found.ranking)
     best = found.functions[0] if found.functions else next(iter(left), None)
-    if best is None or best not in left or 1.0 - (left[best] / held_out) ** 2 < PART:
+    function_left = left.get(best, np.inf) if best is not None else np.inf
+    known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
+    if known is not None and known.held_out_rms < function_left and _explains_part(known.held_out_rms, held_out):
+        of = f"{plain_name(known.name)} ({known.name}), which leaves ≈ {in_mm(known.held_out_rms)} mm here"
+        return f"{of}. Not named, since earlier poses do not predict later ones better with it"
+    if best is None or not _explains_part(function_left, held_out):
         return ""
     question = what_may_change(best)
-    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm{question and f'. {question}'}"
+    return f"{function_name(best)}, which leaves {in_mm(function_left)} mm{question and f'. {question}'}"
+
+
+def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
+    """The known effects that fit the session, and are refused for what the arm does later."""
+    for one in report.ranking:
+        why = one.reason.because
+        if why is not None and why.kind in NOT_LASTING and not one.scored.candidate.effect.is_free_form:
+            yield one
+
+
+def _explains_part(left: float, before: float) -> bool:
+    return 1.0 - (left / before) ** 2 >= PART
+
+
+def _left_out(diagnosis: Diagnosis) -> str:
+    """The outliers that no figure counts: how many, how far off, and what they may be; empty where there are none."""
+    outliers = diagnosis.outliers
+    if not outliers:
+        return ""
+    distances = [diagnosis.outlier_distances[number] for number in outliers if number in diagnosis.outlier_distances]
+    far = f", up to {in_mm(max(distances))} mm off" if distances else ""
+    count = f"{len(outliers)} of {poses_count(len(diagnosis.data) + len(outliers))}"
+    return f"{count}, as outliers{far}: {enumerate_words(list(map(str, outliers)), 2 * LISTED)}. {WHY_OFF}"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:

@@ -26,7 +26,7 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.report.text.claims import chosen_again, empirical_words, with_unit
 from lrm_ident.report.text.reasons import no_law_words, reason_words
-from lrm_ident.report.text.residuals import scale_sentence
+from lrm_ident.report.text.residuals import WHY_OFF, scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.scale_uncertainty import scale_left_open
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
 TRACKERS_SCALE = "tracker's scale"
-STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
+STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair", "hidden at most", "valid")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
 
@@ -65,7 +65,7 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
     begun = "start: fitted model" if step.name is None else f"start: {step.name}"
     yield f"{number:4d}  {step.added or begun:30s} {in_mm(held_out):>7s}  {bar}{there}"
     if step.name is not None and not step.added:
-        yield Text(f"      left out: {poses_words(step.data.source.left_out)}", style="dim")
+        yield Text(f"      left out: {poses_words(step.data.source.left_out)}. {WHY_OFF}", style="dim")
     if step.evidence.equivalent:
         rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
