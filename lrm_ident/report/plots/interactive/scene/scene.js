@@ -97,13 +97,12 @@ const lrmScene = (() => {
 
   // Pointer, wheel, fingers and keys on a scene: drag turns it, with shift marks a box of dots, with the right button moves it.
   function wire(canvas, self, on) {
-    const NEAR = 9;
+    const NEAR = 9, fingers = new Map();
     const place = (event) => [event.offsetX, event.offsetY];
     const nearest = (at) => {
       const near = self.dots.map((p, row) => [Math.hypot(p[0] - at[0], p[1] - at[1]), row]).filter(([d, row]) => d < NEAR && self.seen(row));
       return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : null;
     };
-    const fingers = new Map();
     const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
     canvas.onpointerdown = (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -157,14 +156,12 @@ const lrmScene = (() => {
       redraw();
     };
     canvas.ondblclick = () => look();
+    const nearer = () => zoom(1.2), KEYS = { ArrowLeft: () => turn(-10, 0), ArrowRight: () => turn(10, 0), ArrowUp: () => turn(0, 10),
+      ArrowDown: () => turn(0, -10), "+": nearer, "=": nearer, "-": () => zoom(1 / 1.2), 0: () => look() };
     canvas.onkeydown = (event) => {
-      const moves = { ArrowLeft: [-10, 0], ArrowRight: [10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10] }[event.key];
-      if (moves) turn(...moves);
-      else if (event.key === "+" || event.key === "=") zoom(1.2);
-      else if (event.key === "-") zoom(1 / 1.2);
-      else if (event.key === "0") look();
-      else return;
+      if (!KEYS[event.key]) return;
       event.preventDefault();
+      KEYS[event.key]();
       redraw();
     };
     const turn = (right, up) => {
