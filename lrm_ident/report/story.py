@@ -24,7 +24,10 @@ Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 WITHOUT_EFFECT = ("nominal", "fit")
 """What adds no effect: the nominal arm, the first fit, and later ones without outliers or with a prior."""
 GEOMETRY = "geometry and springs"
+NOISE, NOISE_AT_MOST = "measurement noise", "measurement noise, at most"
 BAR_WIDTH = 8
+TORN, ROOM = 2.2, 1.4
+"""How much longer than all others a bar of a waterfall is cut short, and its length beside these then."""
 BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 ON_THE_ARM = "expected on the arm later (without effects of this session; with outliers that lie together)"
 ANEW = "with the effects, too, chosen without these poses"
@@ -93,17 +96,35 @@ class Story:
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """What else is known of the last error, labelled."""
-        last = self.steps[-1] if self.steps else None
-        deployed = None if last is None or _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
-        nested, on_arm = self.nested_rms_mm, self.nested_deployed_rms_mm
-        more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
-        known = (
-            ("as deployed", deployed, f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}"),
-            ("nested", nested, f", {ANEW}{more}"),
-            ("measurement noise", self.noise_rms_mm, ""),
-            ("measurement noise", self.noise_bound_rms_mm if self.noise_rms_mm is None else None, " at most"),
-        )
-        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in known if value)
+        on_arm = self.nested_deployed_rms_mm
+        more = "" if on_arm is None or _alike(on_arm, self.nested_rms_mm) else f"; as deployed {in_mm(on_arm * MM)} mm"
+        after = {
+            "as deployed": f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
+            "nested": f", {ANEW}{more}",
+            NOISE: "",
+            NOISE_AT_MOST: " at most",
+        }
+        known = (*self.ends, *([self.noise] if self.noise else []))
+        return tuple((label.partition(",")[0], f"{in_mm(value * MM)} mm RMS{after[label]}") for label, value in known)
+
+    @property
+    def ends(self) -> tuple[tuple[str, float], ...]:
+        """Errors (mm) below the steps of a waterfall: as deployed, where that is another than the last one; nested."""
+        last = self.steps[-1]
+        deployed = None if _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
+        return tuple((label, mm) for label, mm in (("as deployed", deployed), ("nested", self.nested_rms_mm)) if mm)
+
+    @property
+    def noise(self) -> tuple[str, float] | None:
+        """Noise of the measurement (mm), or what it is at most, where one of them is known."""
+        known = (NOISE, self.noise_rms_mm), (NOISE_AT_MOST, self.noise_bound_rms_mm)
+        return next(((label, mm) for label, mm in known if mm), None)
+
+    @property
+    def longest(self) -> float:
+        """Error (mm) of the longest bar of a waterfall, which ends a longer one."""
+        most, later = (max((one.rms_mm for one in of), default=0.0) for of in (self.steps, self.steps[1:]))
+        return ROOM * later if later and most > TORN * later else most
 
     @property
     def certainty(self) -> tuple[tuple[str, str], ...]:

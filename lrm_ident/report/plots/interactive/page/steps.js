@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, fill, draw, words } = page;
-  const { colour, binned, at, dots, line, titled } = lrmChart;
+  const { colour, means, at, dots, titled } = lrmChart;
   const plural = (count, word) => `${count} ${word}${count > 1 ? "s" : ""}`;
 
   // The candidate that the verdict names, if it is a cause: what has none has no picture of one.
@@ -30,14 +30,13 @@ function lrmSteps(page) {
     place("verdict").textContent = now ? own : earlier;
   }
 
-  // A command to copy, whose lines break between its words, never inside an option.
-  function code(command) {
-    return lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${word}</span>`)}</code>`;
-  }
+  // A command to copy, whose lines break between its words; one that is longer than a line, after a comma or slash.
+  const parts = (word) => word.split(/(?<=[,/])/).map((part, k) => lrmHtml`${k ? lrmHtml`<wbr>` : ""}${part}`);
+  const code = (command) => lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${parts(word)}</span>`)}</code>`;
 
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? lrmHtml`<div>${lead}:</div>` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}`);
+    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`<span class="lrm-next-step">${k ? `${lead}: ` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}</span>`);
     return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
   }
 
@@ -96,12 +95,11 @@ function lrmSteps(page) {
     if (!driver) return;
     const rows = page.sample(), x = at(driver.values, rows);
     const points = (name, y, color, symbol) => dots(name, x, at(y, rows), { symbol, color, opacity: 0.35 }, { hoverinfo: "skip" });
-    const mean = (name, y, color, more) => ({ ...line(name, x, y, { color, width: 3 }), mode: "lines+markers", ...binned(x, at(y, rows)),
-      marker: { size: 6, symbol: "square" }, ...more });
+    const mean = (name, y, color, more) => means(name, x, at(y, rows), { color, width: 3 }, more);
     const traces = [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"), { fill: "tonexty", fillcolor: colour("bar") })];
-    const means = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
-    const most = Math.max(2.2 * Math.max(...means), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
+    const heights = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
+    const most = Math.max(2.2 * Math.max(...heights), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
     draw("card-" + card.number, traces, { dragmode: false, xaxis: titled(driver.label + (beyond ? `<br>not shown: ${plural(beyond, "point")} beyond` : "")),
       yaxis: titled(`turn of joint ${card.joint + 1}, deg`, { range: [-most, most] }) });
   }
