@@ -81,57 +81,56 @@ class Planner:
         clear = apart >= self.scene.margin + RESOLUTION  # both the rigid and the loaded arm
         if clear[0] or not clear[1:].any():
             return found
-        direct = (q for q in goals if self._allows(np.array(start), np.array(q)))
-        if (goal := next(direct, None)) is not None:
-            return with_corners(self.config, np.array([start, goal]))
-        way = self.way_out(np.array(start), np.random.default_rng([seed, len(goals)]), check_cancelled)
+        direct = (self.allowed((tuple(start),), goal) for goal in goals)
+        if (straight := next(filter(None, direct), None)) is not None:
+            return straight
+        way = self.way_out(start, np.random.default_rng([seed, len(goals)]), check_cancelled)
         if way is None:
             return found
-        onward = self._find_from(way[-1].tolist(), goals, seed, check_cancelled)
-        if isinstance(onward, NoPlan):
-            return onward
-        first = with_corners(self.config, np.array(way))
-        return (*first[:-1], *onward)
+        onward = self._find_from(way[-1], goals, seed, check_cancelled)
+        return onward if isinstance(onward, NoPlan) else (*way[:-1], *onward)
+
+    def allowed(self, way: JointPath, goal: Sequence[float]) -> JointPath | None:
+        """A way that the guard allows with a straight move to a goal (n,) after it, rad; None if it refuses the whole.
+
+        With its corners, as it is passed on: the guard may refuse a part of a straight move that it allows, where this
+        keeps what is required by less than `RESOLUTION`.
+        """
+        path = (*way[:-1], *with_corners(self.config, np.array([way[-1], goal])))
+        return path if self.guard.check(np.array(path), self.payload)[0].free else None
 
     def way_out(
-        self, start: Array, rng: np.random.Generator, check_cancelled: Callable[[], None]
-    ) -> list[Array] | None:
-        """Poses (n,) from the start to one that is clear, by moves that the guard allows; None if none was found.
+        self, start: Sequence[float], rng: np.random.Generator, check_cancelled: Callable[[], None]
+    ) -> JointPath | None:
+        """A way from the start (n,) to a clear pose that the guard allows, or None if none was found.
 
-        A tree of poses, each of which the guard lets the arm reach from the one before: of random poses around one of
-        the tree the nearest clear one ends the search, else the one with the largest separation joins the tree.
+        A tree of ways: of random poses around the end of one the nearest clear one ends the search, else the one with
+        the largest separation makes another way of the tree. Each way is checked whole, so its later moves may come as
+        near as the arm stands at the start.
         """
-        tree, parents = [start], [0]
+        ways: list[JointPath] = [(tuple(start),)]
         for _ in range(ROUNDS_OUT):
-            here = int(rng.integers(len(tree)))
-            found, clear = self._outward(tree[here], rng, check_cancelled)
-            if found is None:
-                continue
-            if not clear:
-                tree.append(found)
-                parents.append(here)
-                continue
-            way = [found, tree[here]]
-            while here:
-                here = parents[here]
-                way.append(tree[here])
-            return way[::-1]
+            found, clear = self._outward(ways[int(rng.integers(len(ways)))], rng, check_cancelled)
+            if clear:
+                return found
+            if found is not None:
+                ways.append(found)
         return None
 
     def _outward(
-        self, here: Array, rng: np.random.Generator, check_cancelled: Callable[[], None]
-    ) -> tuple[Array | None, bool]:
-        """A pose (n,) that the guard lets the arm reach from here, where it has more room; whether it is clear."""
-        low, high = self.scene.limits
+        self, way: JointPath, rng: np.random.Generator, check_cancelled: Callable[[], None]
+    ) -> tuple[JointPath | None, bool]:
+        """A longer way that the guard allows to a pose with more room than the start; whether that is clear."""
+        (low, high), here = self.scene.limits, np.array(way[-1])
         turns = rng.uniform(-1.0, 1.0, (POSES_OUT, len(here))) * (rng.random((POSES_OUT, len(here))) < 0.7)
         poses = np.clip(here + turns * np.linspace(0.0, 1.0, POSES_OUT + 1)[1:, None] ** 2 * (high - low), low, high)
-        apart = self.guard.separation(np.array([here, *poses]), self.payload)
+        apart = self.guard.separation(np.array([way[0], *poses]), self.payload)
         clear, gain = apart[1:] >= self.scene.margin + RESOLUTION, apart[1:] - apart[0]
         by_gain = [int(k) for k in np.argsort(-gain)[:CHECKS_OUT] if gain[k] > RESOLUTION and not clear[k]]
         for k in [*np.flatnonzero(clear), *by_gain]:
             check_cancelled()
-            if self._allows(here, poses[k]):
-                return poses[k], bool(clear[k])
+            if (longer := self.allowed(way, poses[k].tolist())) is not None:
+                return longer, bool(clear[k])
         return None, False
 
     def _find_from(
@@ -187,9 +186,6 @@ class Planner:
         """The first piece that the guard refuses, as text; empty if the path is free."""
         move, _ = self.guard.check(np.array(waypoints), self.payload, self.scene.margin)
         return "" if move.free else str(move)
-
-    def _allows(self, start: Array, end: Array) -> bool:
-        return self.guard.check(np.array([start, end]), self.payload)[0].free
 
 
 def with_corners(config: Config, path: Array) -> JointPath:

@@ -169,11 +169,13 @@ def test_a_motion_begins_exactly_where_it_was_checked_from() -> None:
 
 @examples(5, 60)
 @example(352, True)
+@example(9668, False)
 @given(st.integers(0, 10_000), st.booleans())
 def test_a_way_out_is_offered_if_one_exists(seed: int, soft: bool) -> None:
     """Arms within the margin or in overlap: where a straight way out is allowed, the planner has a path, too.
 
-    Its random search for a way out may miss a narrow one, and is asked up to ten times.
+    The path has corners where a servo's table has: of a move that leaves almost along the obstacle, the guard may allow
+    the whole and refuse the part up to the first corner, as seed 9668 has it.
     """
     rng, arm = np.random.default_rng(seed), cluttered_arm(seed)
     guard = CollisionGuard(Scene.of(arm), soft_model(arm, rng) if soft else None)
@@ -184,13 +186,13 @@ def test_a_way_out_is_offered_if_one_exists(seed: int, soft: bool) -> None:
         if not ends:
             continue
         planner = Planner(configured(arm), guard, 0.0)
-        way = next(filter(None, (planner.way_out(start, rng, lambda: None) for _ in range(10))), None)
-        assert way is not None
-        assert guard.separation(way[-1][None], 0.0)[0] >= MARGIN
         path = planner.find(start.tolist(), [ends[0].tolist()], seed, lambda: None)
         assert not isinstance(path, NoPlan), path
-        guard(way, 0.0)
         guard(path, 0.0)
+        way = planner.way_out(start.tolist(), rng, lambda: None)
+        assert way is not None
+        assert guard.separation(np.array(way[-1:]), 0.0)[0] >= MARGIN
+        guard(way, 0.0)
 
 
 def test_a_move_of_many_waypoints_is_checked_leg_by_leg() -> None:

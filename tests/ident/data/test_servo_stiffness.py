@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.special import stdtr
 
@@ -192,6 +192,7 @@ def test_align_is_a_command(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @examples(2, 5)
+@example(seed=71)
 @given(seed=st.integers(0, 1000))
 def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     arm = load_arm("two-joint")
@@ -210,7 +211,9 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     data = Measurements.of_tcp(poses_of(q), tcp, 3e-4)
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     found = fit_identifiable(model, data, model.keys).fit
-    assert 2.7e-4 < found.sigma < 3.3e-4
+    drawn, n, p = synthetic.measure(rig, truth, q) - tcp, tcp.size, len(model.keys)
+    spread = np.sqrt(p / (2 * n * (n - p)))  # of sigma about that of the noise drawn, of which the fit takes up p parts
+    assert found.sigma == pytest.approx(np.sqrt((drawn**2).mean()), rel=5 * spread)
     elsewhere = synthetic.random_poses(rig, 200, seed + 1)
     missed = synthetic.measure(rig, truth, elsewhere) - solve_equilibrium(found.model, poses_of(elsewhere)).tcp
-    assert np.sqrt((missed**2).mean()) < 1e-4  # a third of the noise of one reading
+    assert np.sqrt((missed**2).mean()) < 3e-4 * np.sqrt(p / n) * (1 + 5 / np.sqrt(2 * p))  # half of one reading's noise
