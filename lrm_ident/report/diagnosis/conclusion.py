@@ -37,7 +37,7 @@ from lrm_ident.report.text.residuals import (
     shifted_sentence,
 )
 from lrm_ident.report.text.variables import function_name, what_may_change
-from lrm_ident.residual.data_audit import LimitationKind, where_it_holds
+from lrm_ident.residual.data_audit import LimitationKind, MeasuredAngles, where_it_holds
 from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
@@ -263,7 +263,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "repair", _repair(report, attribution)
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
-        yield "valid", valid_where(report)
+        yield "valid", where_measured(valid_where(report))
         yield "not tested", _not_tested(report)
 
 
@@ -282,11 +282,10 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     return NOT_YET
 
 
-def valid_where(report: DiagnosisReport) -> str:
-    """Angles and ranges at which the verdict holds; empty where the poses cover the arm's range."""
+def valid_where(report: DiagnosisReport) -> tuple[MeasuredAngles, ...]:
+    """Angles and ranges at which the verdict holds alone; empty where the poses cover the arm's range."""
     limits = JointLimits.of(report.diagnosis.fit.model.arm)
-    parts = where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
-    return where_measured(parts)
+    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
 
 
 def _not_tested(report: DiagnosisReport) -> str:

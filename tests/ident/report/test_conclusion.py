@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
-from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude
+from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude, valid_where
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.text.advice import NEXT_STEP, next_step
@@ -64,6 +65,13 @@ def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study
         "Backlash in joint 2 is in the model, but the arm goes on changing: earlier poses predict the later ones worse."
     )
     assert dict(found.facts)["as deployed"].startswith("2.50 mm RMS at later poses (0.57 mm among the measured poses)")
+
+
+def test_for_machines_the_audit_has_values(example_diagnosis: DiagnosisReport) -> None:
+    told = json.loads(diagnosis_document(example_diagnosis).json())
+    assert [one["kind"] for one in told["audit"]] == [one.kind for one in example_diagnosis.limitations]
+    assert [one["joint"] for one in told["holds"]] == [one.joint for one in valid_where(example_diagnosis)]
+    assert all(one["least"] < one["most"] for one in told["holds"])
 
 
 def test_what_no_pose_shows_is_stated(better_study: Study) -> None:
