@@ -25,7 +25,7 @@ WITHOUT_EFFECT = ("nominal", "fit")
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 8
 BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
-ON_THE_ARM = "expected on the arm later (without effects of this session; with outliers that lie together)"
+ON_THE_ARM = "expected on the arm later (without effects of this session; with outliers that lie together, if any)"
 ANEW = "with the effects, too, chosen without these poses"
 
 
