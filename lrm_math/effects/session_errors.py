@@ -285,7 +285,7 @@ class ChangePoint(_SessionError):
         """Shift of each motion before it against after; the number of the last pose before."""
         return (
             *(
-                _displacement(f"before{end}", f"{self.place}{end} before it, less after", of)
+                _displacement(f"before{end}", f"{self.place}{end} before the shift minus after it", of)
                 for end, of in self._motions
             ),
             Parameter("last_pose", "number of the last pose before it", 1.0, fixed=0.0),

@@ -34,7 +34,9 @@ def arm(o: argparse.Namespace) -> int:
 
 
 def _stored_hint(detail: Mapping[str, object]) -> str:
-    stored = detail.get("stored_rad")
+    if "stored_rad" not in detail:
+        return ""
+    stored = detail["stored_rad"]
     if not isinstance(stored, dict) or not stored:
         return " (no pose is stored)"
     pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in stored.items())

@@ -25,7 +25,8 @@ def state(o: argparse.Namespace) -> int:
         while True:
             joints, mode = rover.joints(), rover.mode()
             parts = [text.mode_line(mode, joints), text.joints_table(joints, rover.thermal())]
-            faults = rover.faults()
+            note, faults = text.pulseless_note(joints), rover.faults()
+            parts += [note] if note else []
             parts += [text.faults_text(faults)] if faults.faults else []
             if o.metrics:
                 metrics = rover.metrics()

@@ -55,6 +55,14 @@ def joints_table(joints: JointsState, heat: ThermalState) -> str:
     return "\n".join(lines)
 
 
+def pulseless_note(joints: JointsState) -> str:
+    """That servos without pulses may stand elsewhere than they were commanded last; empty where there are none."""
+    known = [name for name, on, pulse in zip(joints.names, joints.on, joints.pulse_us, strict=True) if pulse and not on]
+    if not known:
+        return ""
+    return "Without pulses an arm may stand elsewhere: angles of servos that are off are the last commanded ones."
+
+
 def mode_line(mode: ModeState, joints: JointsState) -> str:
     """Mode, reason, remaining time, lease and link, in one line; and what keeps the arm from being armed."""
     rest = f", {joints.remaining_s:.1f} s to go" if joints.moving else ""

@@ -19,6 +19,9 @@ from lrmd.messages.control import ArmRequest
 from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import RampReport
 
+SAY_WHERE = "state its angles: lrm arm --q, or where = 'given' with q_rad"
+"""What a client does whose arm is not where the daemon could know."""
+
 
 class BoardPulses(StrEnum):
     """Output of the board: nothing, only pulses of this daemon, or pulses that somebody else left."""
@@ -70,10 +73,11 @@ def _registers(a: ArmingSituation) -> dict[int, int]:
 
 
 def _nothing_to_take_over(a: ArmingSituation) -> dict[int, int]:
+    here = "only pulses of this daemon, which go on" if a.report.outputs else "no pulses"
     raise RequestError(
         "pose_needed",
-        "the board has no pulses to take over. Say where the arm stands: where = 'given' with q_rad, or 'stored' "
-        "if it has not been touched since the daemon left it",
+        f"the board has {here}: there is nothing to take over. Look where the arm stands and {SAY_WHERE}. Or arm it as "
+        "'stored', if nobody has touched it since the daemon left it",
         stored_rad=stored_angles(a.config, a.stored),
         stored_still=bool(a.stored.pulse_ns and a.stored.still and not a.fallen),
     )  # fmt: skip
@@ -93,20 +97,18 @@ def _given(a: ArmingSituation) -> dict[int, int]:
 def _from_store(a: ArmingSituation) -> dict[int, int]:
     stored, names = a.stored, a.request.servos
     if not stored.pulse_ns:
-        raise RequestError("pose_needed", "no pose was stored yet; send it with where = 'given' and q_rad")
+        raise RequestError("pose_needed", f"no pose was stored yet; {SAY_WHERE}")
     if not stored.still:
-        text = "the arm was moving when its pose was last stored; send it with where = 'given' and q_rad"
-        raise RequestError("pose_needed", text)
+        text = "the arm was moving when its pose was last stored; look where it stands, and"
+        raise RequestError("pose_needed", f"{text} {SAY_WHERE}")
     names = [name for name in stored.pulse_ns if name in a.config.names] if names is None else names
     for name in names:
         a.config.index(name)
         if name in a.fallen and name in stored.pulse_ns:
-            text = (
-                f"{name} is not where it was: its pulses ended in motion or under load, and the arm fell; look where "
-            )
-            raise RequestError("pose_needed", f"{text}it stands, and send that with where = 'given' and q_rad")
+            text = f"{name} is not where it was: its pulses ended in motion or under load, and the arm fell; look where"
+            raise RequestError("pose_needed", f"{text} it stands, and {SAY_WHERE}")
         if name not in stored.pulse_ns:
-            raise RequestError("pose_needed", f"no pose of {name} was stored; send it with where = 'given' and q_rad")
+            raise RequestError("pose_needed", f"no pose of {name} was stored; {SAY_WHERE}")
     return {a.config.index(name): stored.pulse_ns[name] for name in names}
 
 

@@ -15,7 +15,8 @@ NEXT_STEP = {
     ),
     Verdict.UNPREDICTABLE: (
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
-        "one that does not is a loose part, creep, or noise larger than stated."
+        "one that does not is a loose part, creep, a load that the file does not state (payload_g), or noise larger "
+        "than stated."
     ),
     Verdict.NOTHING_MISSING: "Save the model and give it to the rover: lrm deploy MODEL.",
     Verdict.NOISE_UNKNOWN: (

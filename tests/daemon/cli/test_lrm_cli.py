@@ -24,11 +24,11 @@ from lrm_math.model.reading import Reading
 from lrmd.cli import app, record
 from lrmd.cli import text as cli_text
 from lrmd.cli.parsing import parse_angle, parse_angles
-from lrmd.client import MotionInterrupted, Rover
+from lrmd.client import MotionInterrupted, RequestRefused, Rover
 from lrmd.config import load_config
 from lrmd.control.state import ControllerEvent
 from lrmd.control.state_machine import Mode
-from lrmd.messages.codec import MessageError
+from lrmd.messages.codec import ErrorReply, MessageError
 from lrmd.messages.control import Event, FaultEntry, FaultsState, MoveRequest, ThermalState
 from lrmd.messages.kinematics import PlanRequest
 from lrmd.ramp.shared_memory import BUCKETS
@@ -145,6 +145,7 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert core.angles(core.position)[1:3] == pytest.approx([math.radians(10), math.radians(-10)], abs=1e-5)
     looked = does("state", "--metrics")
     assert "armed (arrived)" in looked
+    assert "servos that are off" not in looked
     rows = {row.split()[0]: row.split()[1:] for row in looked.splitlines()[3:12]}
     assert rows["joint2"][:2] == ["10.00", "10.00"]
     assert "on" in rows["joint2"]
@@ -157,6 +158,7 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert does("relax", "joint6") == "relaxed\n"
     daemon.run(6)
     assert daemon.sim.report.outputs == 0b011111
+    assert "servos that are off are the last commanded ones" in does("state")
     assert does("disarm") == "disarmed\n"
     daemon.run(6)
     assert not daemon.sim.report.outputs
@@ -269,6 +271,14 @@ def test_arming_without_a_pose_says_what_is_needed(daemon: InMemoryDaemon, does,
     assert "joint2 5.0" in line
     does("arm", "--stored", "--servo", "joint2")
     assert daemon.sim.report.outputs == 0b10
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_refusal_without_a_stored_pose_in_it_says_nothing_of_one(refuses) -> None:
+    """Before: *joint1 is not where it was … (no pose is stored)*, beside a table with the pose."""
+    fell = ErrorReply(code="pose_needed", msg="joint1 is not where it was", retryable=False, detail={})
+    with mock.patch.object(Rover, "arm", side_effect=RequestRefused(fell)):
+        assert refuses("arm", "--stored") == "lrm: joint1 is not where it was\n"
 
 
 def test_ctrl_c_holds(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]) -> None:

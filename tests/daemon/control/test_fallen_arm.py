@@ -83,7 +83,16 @@ def test_pulses_that_end_under_load_leave_no_stored_pose(config: Config, end: st
     with pytest.raises(RequestError, match="its pulses ended in motion or under load") as refused:
         arm_at_stored(sim)
     assert refused.value.code == "pose_needed"
+    assert "lrm arm --q" in str(refused.value), "what to type"
     assert on(sim) == before
+
+
+def test_of_an_armed_arm_it_is_not_said_that_no_pulses_are_there(config: Config) -> None:
+    sim = armed(config, BALANCED)
+    servos = sim.report.outputs
+    with pytest.raises(RequestError, match="only pulses of this daemon, which go on"):
+        sim.core.handle(ArmRequest(lease=take(sim), where="board"), sim.now)
+    assert sim.report.outputs == servos
 
 
 @pytest.mark.parametrize("end", ["estop", "relax", "disarm"])
