@@ -58,8 +58,7 @@ def synthetic_data() -> Measurements:
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
     q = synthetic.random_poses(rig, POSES, seed=1)
     tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, 1), q, 0.0, 3e-4, 1)
-    number = np.arange(1, POSES + 1)
-    return Measurements.of_tcp(poses_of(q), tcp, pose=number)
+    return Measurements.of_tcp(poses_of(q), tcp)
 
 
 def comparisons() -> list[Comparison]:

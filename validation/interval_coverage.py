@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.model.model import Model
 from validation import synthetic
 from validation.options import asked
+from validation.runner import run_cases
 from validation.synthetic_measurements import NOISE, measured
 
 ARM, POSES, SEEDS = "lrm-lab", 100, 100
@@ -120,8 +122,9 @@ def _drawn(model: Model, seed: int) -> Array:
 
 def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic.GroundTruth:
     nominal = synthetic.GroundTruth.nominal(rig)
-    soft = {key.split(".")[1]: value for key, value in values.items() if key.startswith("compliance")}
-    offsets = {k.removeprefix("offsets."): value for k, value in values.items() if k.startswith("offsets")}
+    by = {ParameterRef.parse(key): value for key, value in values.items()}
+    soft = {key.place: value for key, value in by.items() if key.id == "compliance"}
+    offsets = {f"{key.place}.{key.name}": value for key, value in by.items() if key.id == "offsets"}
     named = {name.removesuffix("_mm") + "_m" if name.endswith("_mm") else name: v for name, v in offsets.items()}
     return replace(
         nominal,
@@ -135,22 +138,33 @@ def _prior(model: Model) -> Prior:
     return to_prior(Path(ARM_PRIOR.name), ARM_PRIOR, model)
 
 
+RUNS = {
+    "option 1, least squares": option_1,
+    "all parameters, with prior": all_with_prior,
+    "drift of a joint, time constant unknown": drift_of_unknown_time_constant,
+}
+
+
+def examine(seeds: range, name: str) -> IntervalCoverage:
+    """The coverage of a run."""
+    return RUNS[name](seeds)
+
+
+def line(name: str, found: IntervalCoverage) -> str:
+    """The shares of a run."""
+    key, share = found.worst
+    return (
+        f"{name}: {found.z.shape[1]} parameters; within 3 standard errors {100 * found.within_3:.2f} %; "
+        f"95 % intervals hold {100 * found.within_95:.2f} % of the truths (worst: {key}, {100 * share:.0f} %)"
+    )
+
+
 def main() -> None:
     """Prints the shares of all runs."""
-    seeds = range(asked(__doc__, seeds=SEEDS).seeds)
-    print(f"{len(seeds)} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
-    runs = (
-        ("option 1, least squares", option_1),
-        ("all parameters, with prior", all_with_prior),
-        ("drift of a joint, time constant unknown", drift_of_unknown_time_constant),
-    )
-    for name, run in runs:
-        found = run(seeds)
-        key, share = found.worst
-        print(
-            f"{name}: {found.z.shape[1]} parameters; within 3 standard errors {100 * found.within_3:.2f} %; "
-            f"95 % intervals hold {100 * found.within_95:.2f} % of the truths (worst: {key}, {100 * share:.0f} %)"
-        )
+    options = asked(__doc__, seeds=SEEDS, jobs=1)
+    found = run_cases({name: name for name in RUNS}, partial(examine, range(options.seeds)), line, options.jobs)
+    print(f"{options.seeds} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
+    print(*(line(*one) for one in found.items()), sep="\n")
 
 
 if __name__ == "__main__":

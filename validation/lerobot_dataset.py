@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 
@@ -29,7 +30,7 @@ class Recording:
     action: Array
     state: Array
     t: Array
-    episode: Array
+    episode: NDArray[np.int64]
 
 
 def encoder_readings(degrees: Array, rng: np.random.Generator) -> Array:

@@ -6,7 +6,7 @@ were chosen on the first half, the second one is the report.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -22,6 +22,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.reading import Reading
 from validation import synthetic
 from validation.options import asked
+from validation.runner import run_cases
 from validation.synthetic_measurements import measured
 
 ARMS = ("lrm-lab", "so101", "ur5")
@@ -183,40 +184,56 @@ def of_its_stiffness(name: str, truth: synthetic.GroundTruth) -> synthetic.Groun
     )
 
 
-def print_misreadings(seeds: Sequence[int]) -> None:
-    """Prints how many misreadings are understood, and which are not."""
-    missed, shares = [], []
-    for name, kind, seed in product(ARMS, KINDS, seeds):
-        case = misread(name, kind, seed)
-        check = check_reading(case.arm, case.data)
-        shares.append(np.inf if check is None else check.read.share)
-        if not case.understood(check):
-            missed.append((name, kind, seed, case.truth, check and [s.hypothesis.words for s in check.found]))
-    print(f"  {len(shares) - len(missed)} of {len(shares)} misreadings understood; they miss {min(shares):.3f} or more")
-    for miss in missed:
-        print("   ", *miss)
+@dataclass(frozen=True)
+class ReadingOutcome:
+    """Whether a data set was taken as it should be, the share of the spread of positions that it misses, what is said
+    of it, and what would be true."""
+
+    right: bool
+    share: float
+    said: tuple[tuple[str, ...], ...] = ()
+    truth: str = ""
 
 
-def print_healthy(seeds: Sequence[int]) -> None:
-    """Prints how many healthy data sets are refused, and which."""
-    refused, shares = [], []
-    for name, seed in product(HEALTHY, seeds):
+def examine(which: tuple[str, str, int]) -> ReadingOutcome:
+    """A misreading by arm, kind and seed, or healthy data: kind ""."""
+    name, kind, seed = which
+    if not kind:
         check = check_reading(load_arm(name), healthy_data(name, seed))
-        shares.append(0.0 if check is None else check.read.share)
-        if check is not None and not check.right:
-            refused.append((name, seed, check.read.share, [s.hypothesis.words for s in check.found]))
-    print(f"  {len(refused)} of {len(shares)} healthy data sets refused; they miss {max(shares):.3f} or less")
-    for refusal in refused:
-        print("   ", *refusal)
+        return ReadingOutcome(check is None or check.right, 0.0 if check is None else check.read.share, _said(check))
+    case = misread(name, kind, seed)
+    check = check_reading(case.arm, case.data)
+    share = np.inf if check is None else check.read.share
+    return ReadingOutcome(case.understood(check), float(share), _said(check), case.truth)
+
+
+def _said(check: ReadingCheck | None) -> tuple[tuple[str, ...], ...]:
+    return () if check is None else tuple(tuple(scored.hypothesis.words) for scored in check.found)
+
+
+def line(key: str, one: ReadingOutcome) -> str:
+    """One data set."""
+    said = " or ".join(" and ".join(words) for words in one.said) or "nothing"
+    return f"{'right' if one.right else 'MISSED'} {key}: misses {one.share:.3f}, said {said}, true {one.truth or '-'}"
 
 
 def main() -> None:
     """Prints both, by halves."""
-    options = asked(__doc__, seeds=(1, "of every misreading and arm"), half=("report", None, sorted(HALVES)))
+    options = asked(__doc__, seeds=(1, "of every misreading and arm"), half=("report", None, sorted(HALVES)), jobs=1)
     first = HALVES[options.half]
+    wrong = [*product(ARMS, KINDS, range(first, first + options.seeds))]
+    healthy = [(name, "", seed) for name, seed in product(HEALTHY, range(first, first + HEALTHY_SEEDS))]
+    cases = {f"{name}, {kind or 'healthy'}, {seed}": (name, kind, seed) for name, kind, seed in (*wrong, *healthy)}
+    found = run_cases(cases, examine, line, options.jobs)
+    ours, others = [*found.values()][: len(wrong)], [*found.values()][len(wrong) :]
+    understood, refused = sum(one.right for one in ours), sum(not one.right for one in others)
+    least, most = min(one.share for one in ours), max(one.share for one in others)
     print(f"{options.half} (shares of the spread of the positions):")
-    print_misreadings(range(first, first + options.seeds))
-    print_healthy(range(first, first + HEALTHY_SEEDS))
+    print(f"  {understood} of {len(ours)} misreadings understood; they miss {least:.3f} or more")
+    print(f"  {refused} of {len(others)} healthy data sets refused; they miss {most:.3f} or less")
+    for key, one in found.items():
+        if not one.right:
+            print("   ", line(key, one))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from lrm_ident.data.source import Source
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
+from lrm_math.effects import ParameterRef
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 
@@ -22,10 +23,10 @@ NOISE, WIDEST, SOFTNESS = 3e-4, 1.2, 0.03
 def measured(seed: int, size: float, count: int = 260) -> Measurements:
     """Measurements at random poses, with a displacement of amplitude `size` (m)."""
     rng = np.random.default_rng(seed)
-    poses, number = poses_of(rng.uniform(-WIDEST, WIDEST, (count, ARM.dof))), np.arange(1, count + 1)
+    poses = poses_of(rng.uniform(-WIDEST, WIDEST, (count, ARM.dof)))
     nothing = np.zeros((count, 3))
-    plain = Study.of(Measurements.of_tcp(poses, nothing, NOISE, pose=number, source=Source(arm=ARM)))
-    springs = np.where([key.startswith("compliance") for key in plain.model.keys], SOFTNESS, 0.0)
+    plain = Study.of(Measurements.of_tcp(poses, nothing, NOISE, source=Source(arm=ARM)))
+    springs = np.where([ParameterRef.parse(key).id == "compliance" for key in plain.model.keys], SOFTNESS, 0.0)
     tcp = solve_equilibrium(plain.model.with_values(springs), poses).tcp + displacement(poses.q, size)
     return replace(plain.data, source=Source(sha256=str(seed), arm=ARM)).with_tcp(
         tcp + rng.normal(0.0, NOISE, tcp.shape)

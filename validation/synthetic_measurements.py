@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
@@ -14,9 +12,12 @@ NOISE = 3e-4
 
 
 def measured(
-    arm: synthetic.ArmDescription, truth: synthetic.GroundTruth, q: Array, seed: int, load: float = 0.0
+    arm: synthetic.ArmDescription,
+    truth: synthetic.GroundTruth,
+    q: Array,
+    seed: int,
+    load: float = 0.0,
+    noise: float = NOISE,
 ) -> Measurements:
     """Measurements of a tracker at poses (N, n) with a load (kg)."""
-    number = np.arange(1, len(q) + 1)
-    tcp = synthetic.measure(arm, truth, q, load, NOISE, seed)
-    return Measurements.of_tcp(poses_of(q, load), tcp, NOISE, pose=number)
+    return Measurements.of_tcp(poses_of(q, load), synthetic.measure(arm, truth, q, load, noise, seed), noise)

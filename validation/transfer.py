@@ -10,7 +10,6 @@ poses, without the tracker's noise, and with it, as a held-out error counts it.
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,8 +30,11 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation import synthetic
+from validation.options import asked
+from validation.runner import run_cases
 from validation.synthetic.generate import directions
 from validation.synthetic.screws import rotation_matrix
+from validation.tables import markdown_table
 
 RIG, ROVER = "lrm-lab", "lrm-rover"
 SEEDS, FULL, FRESH, NOISE, FLOOR = 20, 300, 200, 3e-4, 0.1
@@ -108,9 +110,9 @@ def _measured(
 ) -> Measurements:
     """Measurements at commands q (rad); without noise if there is no seed."""
     tcp = synthetic.measure(arm, truth, q, 0.0, 0.0 if seed is None else NOISE, seed or 0)
-    number, described = np.arange(1, len(q) + 1), arm_file.load_arm(name)
+    described = arm_file.load_arm(name)
     poses = Poses(q, np.zeros(len(q)), directions(q, np.zeros(q.shape[1])))
-    return Measurements.of_tcp(poses, tcp, NOISE, pose=number, source=Source(arm=described, arm_name=name))
+    return Measurements.of_tcp(poses, tcp, NOISE, source=Source(arm=described, arm_name=name))
 
 
 def _fitted(effects: Sequence[str], data: Measurements) -> Study:
@@ -121,36 +123,34 @@ def _error(model: Model, fresh: Measurements) -> float:
     return error_stats(fresh.tcp - solve_equilibrium(model, fresh.poses).tcp).rms
 
 
-def table(outcomes: Sequence[TransferOutcome]) -> str:
+def transfer_table(outcomes: Sequence[TransferOutcome]) -> str:
     """Medians and worst of the errors, as a table in Markdown."""
-    lines = [
-        "| poses on the rover | error of the tip, median (worst) | expected | over a full calibration | with noise |",
-        "|---|---|---|---|---|",
-    ]
+    rows = []
     for poses in (0, *COUNTS, FULL):
         rms = [1e3 * one.rms[poses] for one in outcomes]
         expected = [1e3 * one.expected[poses] for one in outcomes if poses in one.expected]
         ratios = [[one.ratio(poses, noise) for one in outcomes] for noise in (0.0, NOISE)]
         said = f"{np.median(expected):.2f} mm" if expected else "–"
-        over = " | ".join(f"{np.median(ratio):.2f} ({max(ratio):.2f})" for ratio in ratios)
-        lines.append(f"| {poses} | {np.median(rms):.2f} ({max(rms):.2f}) mm | {said} | {over} |")
-    return "\n".join(lines)
+        over = (f"{np.median(ratio):.2f} ({max(ratio):.2f})" for ratio in ratios)
+        rows.append((poses, f"{np.median(rms):.2f} ({max(rms):.2f}) mm", said, *over))
+    errors = ("error of the tip, median (worst)", "expected", "over a full calibration", "with noise")
+    return markdown_table(("poses on the rover", *errors), rows)
 
 
 def main() -> None:
     """Prints the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
-    outcomes = []
-    for seed in range(options.first, options.first + options.seeds):
-        outcomes.append(examine(seed))
-        print(seed, {count: f"{1e3 * rms:.2f}" for count, rms in outcomes[-1].rms.items()}, flush=True)
+    options = asked(__doc__, seeds=SEEDS, first=0, jobs=1)
+    seeds = range(options.first, options.first + options.seeds)
+    outcomes = run_cases({str(seed): seed for seed in seeds}, examine, line, options.jobs).values()
     for rippled, words in ((False, "everything is in the model"), (True, "a gear ripple is hidden")):
         chosen = [one for one in outcomes if one.rippled is rippled]
         if chosen:
-            print(f"\n{len(chosen)} arms, {words}:\n\n{table(chosen)}")
+            print(f"\n{len(chosen)} arms, {words}:\n\n{transfer_table(chosen)}")
+
+
+def line(key: str, one: TransferOutcome) -> str:
+    """Errors of one arm (mm) by the number of poses."""
+    return f"{key} " + ", ".join(f"{count}: {1e3 * rms:.2f}" for count, rms in one.rms.items())
 
 
 if __name__ == "__main__":

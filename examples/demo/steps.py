@@ -13,6 +13,7 @@ from typing import Any
 from lrm_ident.cli.app import app
 from lrm_ident.cli.common import show
 from lrm_ident.report.document import heading
+from lrm_math.effects import EffectRef
 from lrm_math.errors import LrmError
 from lrmd.cli import app as lrm
 from lrmd.client.deployment import Deployment
@@ -124,7 +125,7 @@ class DemoSteps:
         first = next((one for one in found["ranking"] if one["verdict"] != "no_evidence"), None)
         if first is None:
             return NamedEffect(found["verdict"], "", (), found["noise_floor_rms_mm"])
-        name = f"{first['effect']}@{first['place']}"
+        name = str(EffectRef(first["effect"], first["place"]))
         return NamedEffect(found["verdict"], name, tuple(first["indistinguishable_from"]), found["noise_floor_rms_mm"])
 
     def add(self, effect: str) -> None:
@@ -156,7 +157,7 @@ class DemoSteps:
         """Diagnosis of what the model of motion misses."""
         result = self.file("motion-diagnosis.json")
         self._ident("motion", "diagnose", self.file("motion.toml"), self.file(recording), "--json", result)
-        names = {f"{one['effect']}@{one['place']}": one for one in read_json(Path(result))["ranking"]}
+        names = {str(EffectRef(one["effect"], one["place"])): one for one in read_json(Path(result))["ranking"]}
         first = next((name for name, one in names.items() if one["verdict"] == "supported"), None)
         if first is None:
             return NamedEffect("no_evidence", "", (), None)

@@ -17,6 +17,7 @@ from scipy.special import chdtrc
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.companion import companion_of, improves_beside
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
@@ -33,7 +34,7 @@ from lrm_ident.residual.deployment.rolling_origin import (
 )
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_WALD_P, MIN_GAIN, ONE_DEVIATION, Z_THRESHOLD
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, ModelPart, variants
+from lrm_math.effects import Effect, ModelPart
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import ImplausibleEstimate
 from lrm_math.model.deployed_model import as_deployed_with, followed_effects, memorised, of_a_session, on_the_way
@@ -139,12 +140,12 @@ def _objection_as_deployed(
 def _beside_which_it_lasts(
     diagnosis: Diagnosis, scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]
 ) -> str:
-    """The plain effect (`_companion`) beside which nothing speaks against the deployed model with this one, or empty.
+    """The plain effect (`companion_of`) beside which nothing speaks against the deployed model with this one, or empty.
 
     Two effects of the session hide each other: what one leaves unexplained spoils the forecasts of the other.
     """
-    other = _companion(diagnosis, scored)
-    if other is None:
+    other = companion_of(diagnosis, scored)
+    if other is None or not improves_beside(refit.fit, diagnosis.data, other):
         return ""
     effects = [scored.candidate.effect, other.candidate.effect]
     try:
@@ -154,18 +155,6 @@ def _beside_which_it_lasts(
         return ""
     objected = objection_to_prediction(refit.blocks, both.blocks)
     return "" if objected or _objection_as_deployed(diagnosis, effects, both, blocks) else other.name
-
-
-def _companion(diagnosis: Diagnosis, scored: ScoredCandidate) -> ScoredCandidate | None:
-    """The plain effect elsewhere that is selected beside one, or that a selected form is a form of; None without any.
-
-    Two at one place are rather one cause whose form is wrong.
-    """
-    effects = [other.candidate.effect for other in diagnosis.supported]
-    selected = [effect for effect in effects if effect.place != scored.candidate.effect.place]
-    names = {name for effect in selected for name in (variants(effect) if effect.is_free_form else [effect.name])}
-    plain = (other for other in diagnosis.scored if other.name in names - {scored.name} and not other.implausible)
-    return next(plain, None)
 
 
 def _bends_what_it_measures(effect: Effect) -> bool:

@@ -160,7 +160,8 @@ def confirm(
         refuted |= trial.fitted
         if trial.worse_deployed:
             worse[scored.name] = trial.worse_deployed
-        reasons[scored.name] = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
+        reason = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
+        reasons |= dict.fromkeys([scored.name, *selection.repetitions(scored)], reason)
         if trial.refit:
             break
         if trial.fitted and not scored.candidate.effect.is_free_form:

@@ -21,6 +21,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select, moves_alike
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.candidates import REFINEMENT, Refusal
+from lrm_ident.diagnosis.screening.column_spaces import cosine_of_bases
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.screening.screen import Screening, screen
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
@@ -42,6 +43,7 @@ from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one masks nearer ones
 RIVALS_KEPT = 4  # of a step that is taken
+SAME_MOTIONS = 1.0 - 1e-9  # smallest cosine of columns that are the same but for round-off
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +159,12 @@ class Diagnosis:
         smaller = (one for one in self.scored if one.name in self.equivalent[first.name] and one.size < first.size)
         special = [one for one in smaller if moves_alike(first, one)]
         return sorted(special, key=lambda candidate: candidate.alone.rms)
+
+    def repetitions(self, one: ScoredCandidate) -> list[str]:
+        """Names of the forms of an effect that move the TCP just as it does: a second sudden shift without a first."""
+        forms = (other for other in self.scored if one.name in variants(other.candidate.effect))
+        same = (form for form in forms if form.size == one.size)
+        return [form.name for form in same if cosine_of_bases(one.orthonormal, form.orthonormal) > SAME_MOTIONS]
 
     def led_by(self, other: ScoredCandidate) -> Diagnosis:
         """The same with another member of the first supported effect's class in its place."""

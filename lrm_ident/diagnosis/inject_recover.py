@@ -107,8 +107,8 @@ def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
     try:
         without = solve_equilibrium(model_of(arm, base.effects, {k: values[k] for k in base.keys}), plan.poses).tcp
         truth = solve_equilibrium(model_of(arm, (*base.effects, effect), values), plan.poses).tcp
-        number, tcp = np.arange(1, len(truth) + 1), truth + rng.normal(0, plan.noise, truth.shape)
-        data = Measurements.of_tcp(plan.poses, tcp, plan.noise, pose=number)
+        tcp = truth + rng.normal(0, plan.noise, truth.shape)
+        data = Measurements.of_tcp(plan.poses, tcp, plan.noise)
         diagnosis = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)
     except LrmError as error:
         return InjectionTrial(name, float("nan"), None, error=str(error))

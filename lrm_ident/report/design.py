@@ -17,13 +17,13 @@ from lrm_ident.design.pose_design import CandidateSet, ClearAngles, DesignProble
 from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
-from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_ident.report.document import Block, Document, ResultTable, heading, section, stated
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_ident.report.text.advice import candidates_words
 from lrm_ident.report.text.claims import with_unit
 from lrm_ident.report.text.poses import limitation_sentence
-from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.data_audit import Limitation, audit
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
@@ -79,10 +79,10 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
     described = candidates_words(offer.origin) if isinstance(offer.origin, ClearAngles) else offer.origin
-    limitations: list[str] = []  # poses that add to measured ones are audited with these
+    limitations: tuple[Limitation, ...] = ()  # poses that add to measured ones are audited with these
     if task.measured is None and task.prior is None:
         torque = solve_equilibrium(task.model, found.poses).joint_torque
-        limitations = list(map(limitation_sentence, audit(found.poses, torque)))
+        limitations = audit(found.poses, torque)
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -93,7 +93,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
         "each joint from the side in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
-        *section("\nWhat these poses lack", limitations),
+        *section("\nWhat these poses lack", map(limitation_sentence, limitations)),
     ]
     details: list[Block] = [
         *gains[1:],
@@ -121,7 +121,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "with_these": _knowledge(found, found.after),
         "with_blind_ones": _knowledge(found, found.random_after),
         "in_words": [*gains, *leads],
-        "limitations": limitations,
+        "limitations": stated(limitations, limitation_sentence),
     }
     about = "candidates, observability indices, the least known parameters"
     return Document(blocks, "lrm/design/1", values, _knowledge_table(found), details, about)

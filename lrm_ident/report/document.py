@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
 from io import StringIO
@@ -226,6 +226,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def stated(values: Iterable[Any], sentence: Callable[[Any], str]) -> list[dict[str, object]]:
+    """Dataclasses as JSON, each with its sentence beside its values."""
+    return [{**plain(one), "sentence": sentence(one)} for one in values]
 
 
 def write(console: Console, blocks: Iterable[Block], most: int | None = None) -> None:

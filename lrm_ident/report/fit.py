@@ -48,7 +48,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     stats = [("nominal arm, before any fit", errors.nominal), ("model, at the poses of its fit", errors.fitted)]
     if held_out is not None:
         stats.append(("model, held out (not in its fit)", held_out))
-    stats += [row for row in deployed_rows(errors.held_out.deployed) if held_out is None or differ(row[1], held_out)]
+    stats += deployed_rows(errors.held_out.deployed, held_out)
     if errors.nameless is not None:
         stats.append(("black-box model (pattern, no cause)", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
@@ -79,8 +79,11 @@ def differ(one: ErrorStats, other: ErrorStats) -> bool:
     return any(in_mm(a * 1e-3) != in_mm(b * 1e-3) for a, b in zip(stats_in_mm(one), stats_in_mm(other), strict=True))
 
 
-def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]]:
-    """Rows of a table of errors for a model as it is deployed."""
+def deployed_rows(deployed: DeployedError | None, held_out: ErrorStats | None) -> list[tuple[str, ErrorStats]]:
+    """Rows of a table of errors for a model as it is deployed, where they differ from the error in its session.
+
+    The first is the error that the daemon realises, from its own record of time and moves. Others stand below it only.
+    """
     if deployed is None:
         return []
     remembers = deployed.state is not None and deployed.state.memory
@@ -88,9 +91,11 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
         f"held out, as deployed on the arm{'' if deployed.among_measured is None else ', later'}": deployed.now,
         "as deployed, among the measured poses": deployed.among_measured,
         "as deployed, at earlier poses": deployed.otherwise,
-        f"as deployed, {'what it did before' if remembers else 'power-on time'} unknown": deployed.time_unknown,
+        f"as deployed, {'no record of its moves' if remembers else 'power-on time unknown'}": deployed.time_unknown,
     }
-    return [(name, error) for name, error in rows.items() if error is not None]
+    lead, *others = ((name, error) for name, error in rows.items() if error is not None)
+    below = [row for row in others if held_out is None or differ(row[1], held_out)]
+    return [lead, *below] if below or held_out is None or differ(lead[1], held_out) else []
 
 
 def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document:

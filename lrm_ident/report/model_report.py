@@ -14,7 +14,7 @@ from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, term_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion
+from lrm_ident.report.diagnosis.conclusion import LACKS, UNKNOWN_FILES, CommandNames, Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
@@ -139,8 +139,12 @@ class ModelReport:
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
-        """Labelled facts of the conclusion."""
-        return () if self.conclusion is None else self.conclusion.facts
+        """Labelled facts of the conclusion, how often the effects were chosen again, and what these poses lack."""
+        if self.conclusion is None:
+            return ()
+        again = self._story({})
+        lack = [(LACKS, " ".join(self.conclusion.reasons))] if self.conclusion.reasons else []
+        return (*self.conclusion.facts, *(() if again is None else again.certainty), *lack)
 
     @property
     def floor_mm(self) -> float | None:
@@ -150,18 +154,26 @@ class ModelReport:
 
     @property
     def attributions(self) -> tuple[StepAttribution | None, ...]:
-        """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
+        """What the step of every card shows; of errors that are not held out, only that it shows no cause.
+
+        None of a step that added nothing.
+        """
         floor, story, known = self.floor_mm or 0.0, self._story({}), [card.evidence for card in self.cards]
         if self.diagnosis is None or story is None or not story.held_out:
             return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if one.describes else None for one in known)
-        little = [takes_little(fall.rms_mm, fall.before_rms_mm, floor) for fall in story.later]
+        adding = [(card, fall) for card, fall in zip(self.cards, story.later, strict=True) if card.adds]
         misspecified = cast(tuple[str, ...], self.diagnosis.values["misspecified"])
         known = [
-            replace(one.evidence, describes=one.evidence.describes or so, misspecified=one.name in misspecified)
-            for one, so in zip(self.cards, little, strict=True)
+            replace(
+                card.evidence,
+                describes=card.evidence.describes or takes_little(fall.rms_mm, fall.before_rms_mm, floor),
+                misspecified=card.name in misspecified,
+            )
+            for card, fall in adding
         ]
-        steps = [(fall.explained, one) for fall, one in zip(story.later, known, strict=True)]
-        return attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"])))
+        steps = [(fall.explained, one) for (_, fall), one in zip(adding, known, strict=True)]
+        shown = iter(attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))))
+        return tuple(next(shown) if card.adds else None for card in self.cards)
 
     @property
     def story(self) -> Story | None:

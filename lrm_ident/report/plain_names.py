@@ -38,7 +38,9 @@ def repair_advice(*effects: Effect) -> str:
     """What to repair and to do then, or that the model corrects it; "" where nothing is known to do."""
     known = [(effect, words_of(effect.name, "repair")) for effect in effects if type(effect) in CATALOGUE]
     repairs = [
-        (compensable(effect), words.format(place=place_in_words(effect.name))) for effect, words in known if words
+        (compensable(effect) or effect.remembers, words.format(place=place_in_words(effect.name)))
+        for effect, words in known
+        if words
     ]
     corrected, others = ([words for can, words in repairs if can == wanted] for wanted in (True, False))
     each = "them" if len(corrected) > 1 else "it"

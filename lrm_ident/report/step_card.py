@@ -10,7 +10,7 @@ from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
-from lrm_ident.report.text.claims import with_unit
+from lrm_ident.report.text.claims import outliers_left_out, with_unit
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_math.arm.arm_file import MM
@@ -30,6 +30,7 @@ class StepCard:
 
     Attributes:
         number: of the step in the history. name: `effect@place`, or the step's own. title: the same in plain words.
+        adds: whether it added an effect; another fitted anew, and shows nothing.
         claim: the sentence with its estimates. estimate: the one number of an effect that has one, else "".
         estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
         evidence: for it. It only describes if it is a form of other effects, or these angles could not contradict its
@@ -39,6 +40,7 @@ class StepCard:
     number: int
     name: str
     title: str
+    adds: bool
     claim: str
     estimate: str
     estimates: tuple[str, ...]
@@ -87,7 +89,8 @@ def step_cards(
             number=number,
             name=entry.name.added or str(entry.name),
             title=_capital(step_title(entry.name)),
-            claim=_claim(added, numbers),
+            adds=bool(entry.name.added),
+            claim=_claim(added, numbers) or _left_out(entry, file.history[number - 1]),
             estimate=next(iter(numbers.values())) if free == 1 else "",
             estimates=tuple(f"{one.symbol} = {words}" for one, words in numbers.items()),
             joint=joint,
@@ -129,6 +132,13 @@ def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str]) -> str:
         return ""
     words = {p.name: numbers.get(p, "0") for p in added[0].parameters}
     return _capital(sentence.format(place=added[0].place_in_words, **words))
+
+
+def _left_out(entry: HistoryTable, before: HistoryTable) -> str:
+    """The poses that a step took for outliers, and what to do about them; empty where it left none out."""
+    known = set() if before.provenance is None else {*before.provenance.left_out}
+    poses = [] if entry.provenance is None else [one for one in entry.provenance.left_out if one not in known]
+    return _capital(outliers_left_out(poses)) if poses else ""
 
 
 def _capital(words: str) -> str:

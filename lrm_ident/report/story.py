@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
+from lrm_ident.report.text.claims import chosen_again
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects import EffectRef
 from lrm_math.effects.targets import FRAME_PLACE
@@ -23,7 +24,10 @@ Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 WITHOUT_EFFECT = ("nominal", "fit")
 """What adds no effect: the nominal arm, the first fit, and later ones without outliers or with a prior."""
 GEOMETRY = "geometry and springs"
+NOISE, NOISE_AT_MOST = "measurement noise", "measurement noise, at most"
 BAR_WIDTH = 8
+TORN, ROOM = 2.2, 1.4
+"""How much longer than all others a bar of a waterfall is cut short, and its length beside these then."""
 BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
 ON_THE_ARM = "expected on the arm later (without effects of this session; with outliers that lie together)"
 ANEW = "with the effects, too, chosen without these poses"
@@ -59,6 +63,7 @@ class Story:
         steps: of the nominal arm, of every fit, of every effect that was added.
         held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
         nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold.
+        chosen_in_folds, folds: how many of the folds chose each effect anew.
         of_tracker: whether an error of the tracker was added.
         noise_rms_mm: of the measurement; noise_bound_rms_mm: where that is not known, what it is at most.
     """
@@ -70,6 +75,8 @@ class Story:
     noise_rms_mm: float | None = None
     noise_bound_rms_mm: float | None = None
     of_tracker: bool = False
+    chosen_in_folds: Mapping[str, int] = field(default_factory=dict)
+    folds: int = 0
 
     @property
     def later(self) -> tuple[StoryStep, ...]:
@@ -89,17 +96,40 @@ class Story:
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """What else is known of the last error, labelled."""
-        last = self.steps[-1] if self.steps else None
-        deployed = None if last is None or _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
-        nested, on_arm = self.nested_rms_mm, self.nested_deployed_rms_mm
-        more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
-        known = (
-            ("as deployed", deployed, f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}"),
-            ("nested", nested, f", {ANEW}{more}"),
-            ("measurement noise", self.noise_rms_mm, ""),
-            ("measurement noise", self.noise_bound_rms_mm if self.noise_rms_mm is None else None, " at most"),
-        )
-        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in known if value)
+        on_arm = self.nested_deployed_rms_mm
+        more = "" if on_arm is None or _alike(on_arm, self.nested_rms_mm) else f"; as deployed {in_mm(on_arm * MM)} mm"
+        after = {
+            "as deployed": f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
+            "nested": f", {ANEW}{more}",
+            NOISE: "",
+            NOISE_AT_MOST: " at most",
+        }
+        known = (*self.ends, *([self.noise] if self.noise else []))
+        return tuple((label.partition(",")[0], f"{in_mm(value * MM)} mm RMS{after[label]}") for label, value in known)
+
+    @property
+    def ends(self) -> tuple[tuple[str, float], ...]:
+        """Errors (mm) below the steps of a waterfall: as deployed, where that is another than the last one; nested."""
+        last = self.steps[-1]
+        deployed = None if _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
+        return tuple((label, mm) for label, mm in (("as deployed", deployed), ("nested", self.nested_rms_mm)) if mm)
+
+    @property
+    def noise(self) -> tuple[str, float] | None:
+        """Noise of the measurement (mm), or what it is at most, where one of them is known."""
+        known = (NOISE, self.noise_rms_mm), (NOISE_AT_MOST, self.noise_bound_rms_mm)
+        return next(((label, mm) for label, mm in known if mm), None)
+
+    @property
+    def longest(self) -> float:
+        """Error (mm) of the longest bar of a waterfall, which ends a longer one."""
+        most, later = (max((one.rms_mm for one in of), default=0.0) for of in (self.steps, self.steps[1:]))
+        return ROOM * later if later and most > TORN * later else most
+
+    @property
+    def certainty(self) -> tuple[tuple[str, str], ...]:
+        """How often the effects were chosen again, labelled; empty where no cross-validation chose them anew."""
+        return (("chosen again", chosen_again(self.chosen_in_folds, self.folds)),) if self.folds else ()
 
     def table(self) -> ResultTable:
         """The steps, the error of the fit with the longest bar: beside that of the nominal arm the others are dots."""
@@ -161,7 +191,8 @@ def story_of(
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]
     of_tracker = any(EffectRef.parse(name).place == FRAME_PLACE for name in names)
-    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker)
+    chosen = course.chosen_in_folds, course.folds
+    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker, *chosen)
 
 
 def _alike(one: float | None, other: float | None) -> bool:

@@ -54,7 +54,7 @@ def _facts(file: ModelFile, story: Story | None) -> Iterator[tuple[str, str]]:
         return
     if story is not None:
         yield "error", story.sentence
-        yield from story.facts
+        yield from (*story.facts, *story.certainty)
     elif (after := file.history[-1].held_out_rms_mm) is not None:
         yield "held-out error", change_words((file.history[0].held_out_rms_mm or after) * MM, after * MM)
     if file.deployed is not None and file.deployed.carried:

@@ -24,6 +24,8 @@ class NoticeKind(StrEnum):
     """Names: the file of effects, which has changed since; the model file."""
     OTHER_PRIOR = "other_prior"
     """Name: the prior of the model's fit, which the next steps do not have."""
+    DIMENSIONS_HELD = "dimensions_held"
+    """Names: keys of offsets and compliances that the model's fit held, and the next steps fit."""
     FIELD_LEFT_OUT = "field_left_out"
     OUTLIERS = "outliers"
     """Poses: that are left out."""

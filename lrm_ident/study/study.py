@@ -19,6 +19,7 @@ from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
+from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import TYPICAL
@@ -31,7 +32,7 @@ from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.notices import Notice, NoticeKind, as_read
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.parameter_estimates import ParameterEstimate, parameter_estimates
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, ParameterRef, effects_at
 from lrm_math.effects.memory import assumed_steps
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
@@ -166,7 +167,7 @@ class Study(ModelOnData, ShownInNotebook):
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
         step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
-        return replace(study, notices=notices)._after(step, self)
+        return replace(study, notices=notices)._after(step, study)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -194,7 +195,7 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.auto import run_auto
 
-        study, latest = self.identifiable(), self
+        study = latest = self.identifiable()
 
         def taken(step: Step) -> None:
             """Follows the run with a study."""
@@ -265,12 +266,28 @@ class Study(ModelOnData, ShownInNotebook):
         return replace(self, model=model_for_data(model, of.path, of.sha256)[0], source=file, step=None)
 
     def identifiable(self) -> Study:
-        """The study without a residual field, fitted with typical sizes as all steps are, not with another prior."""
-        if self.prior_name in (None, TYPICAL):
-            return self.named()
-        model = named_part(self.model)
-        fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
-        return self._instead(fitted, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
+        """The study as all steps begin: without a residual field, fitted with typical sizes and not with another prior,
+        and with the offsets and compliances that its fit held.
+
+        Every step fits those too. Where they are not fitted before it, what they explain looks like evidence for the
+        effect that a step adds. Where they cannot be fitted, the model is as it was fitted.
+        """
+        if self.prior_name not in (None, TYPICAL):
+            model = named_part(self.model)
+            fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
+            return self._instead(fitted, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
+        study = self.named()
+        free, keys = study.model.free, fittable(study.model)
+        held = tuple(key for key in keys if key not in free and ParameterRef.parse(key).id in DEFAULT_EFFECTS)
+        if not held or not free:
+            return study
+        try:
+            refitted = fit_identifiable(study.model, self.data, [*free, *held], self.loss).fit
+        except LrmError:
+            return study
+        step = Step(StepName(REFIT, TYPICAL), deployable(refitted, self.data), self.data, study.model)
+        notices = (*study.notices, Notice(NoticeKind.DIMENSIONS_HELD, held))
+        return replace(study, notices=notices)._after(step, study)
 
     def named(self) -> Study:
         """The study without a residual field, which is no cause and may hide one."""

@@ -6,16 +6,32 @@ import re
 from functools import lru_cache
 
 
+def turned_by(joint: str, other: str) -> str:
+    """The place of a joint that another one turns: `joint3<-joint2`."""
+    return f"{joint}<-{other}"
+
+
+def both(joint: str, other: str) -> str:
+    """The place of two joints together: `joint1+joint2`."""
+    return f"{joint}+{other}"
+
+
+@lru_cache(maxsize=256)
+def joints_of(place: str) -> tuple[str, ...]:
+    """The joints that a place names, in its order."""
+    return tuple(re.findall(r"joint\d+", place))
+
+
 def place_words(place: str) -> str:
     """Words of a place: `joint 2`, `joints 1 and 2`, `joint 1 by joint 2`."""
-    if both := re.fullmatch(r"joint(\d+)\+joint(\d+)", place):
-        return f"joints {both[1]} and {both[2]}"
+    if pair := re.fullmatch(r"joint(\d+)\+joint(\d+)", place):
+        return f"joints {pair[1]} and {pair[2]}"
     return re.sub(r"([a-z])(\d+)", r"\1 \2", place).replace("<-", " by ")
 
 
 def joint_numbers(place: str) -> tuple[int, ...]:
     """Numbers from 0 of the joints that a place names, in its order."""
-    return tuple(joint_number(name) for name in re.findall(r"joint\d+", place))
+    return tuple(map(joint_number, joints_of(place)))
 
 
 @lru_cache(maxsize=256)

@@ -13,7 +13,7 @@ from math import ceil, radians
 from typing import ClassVar
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.place_names import joint_number
+from lrm_math.arm.place_names import both, joint_numbers, joints_of
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -150,12 +150,12 @@ class CableCurve(LinearEffect):
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """Every pair of joints: `jointA+jointB`."""
-        return tuple(f"{a}+{b}" for a, b in combinations(arm.joint_names, 2))
+        return tuple(both(a, b) for a, b in combinations(arm.joint_names, 2))
 
     @cached_property
     def _pair(self) -> tuple[int, int]:
-        a, b = self.place.split("+")
-        return joint_number(a), joint_number(b)
+        a, b = joint_numbers(self.place)
+        return a, b
 
     @cached_property
     def _ranges(self) -> tuple[tuple[float, float], ...]:
@@ -181,7 +181,7 @@ class CableCurve(LinearEffect):
     @property
     def targets(self) -> tuple[str, ...]:
         """The torques on both axes."""
-        return tuple(f"{joint}.theta.load" for joint in self.place.split("+"))
+        return tuple(f"{joint}.theta.load" for joint in joints_of(self.place))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Both joints must move."""

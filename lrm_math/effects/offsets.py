@@ -14,6 +14,8 @@ from lrm_math.kinematics.poses import Poses
 
 BASE_TURN, BASE_SHIFT = 0.5, 0.25
 """rad and m: by so much a base may stand elsewhere in the tracker's frame, which is no error of the arm."""
+ZERO_TURN = 0.5
+"""rad: by so much a joint's zero may be off, since a servo's horn fits at every tooth: one of 25 is 14.4 deg."""
 
 
 class Offsets(LinearEffect):
@@ -41,7 +43,13 @@ class Offsets(LinearEffect):
         sizes = TypicalSizes() if self.place == BASE else self.arm.typical_sizes
         turn, shift = (BASE_TURN, BASE_SHIFT) if self.place == BASE else (None, None)
         return tuple(
-            Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", sizes.angle, usual=turn)
+            Parameter(
+                f"{slot.name}_rad",
+                f"error of the angle {slot.key}",
+                sizes.angle,
+                usual=turn,
+                largest=ZERO_TURN if slot.name == "theta" else None,
+            )
             if slot.rotates
             else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", sizes.length, usual=shift)
             for slot in chain_of(self.arm).slots

@@ -8,7 +8,7 @@ from math import radians
 import numpy as np
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.place_names import joint_number, place_words
+from lrm_math.arm.place_names import joint_number, joints_of, place_words, turned_by
 from lrm_math.arm.servo_table import PwmClock, rounding
 from lrm_math.effects.base import (
     Amounts,
@@ -176,12 +176,12 @@ class CoupledJoints(Effect):
     @property
     def targets(self) -> tuple[str, ...]:
         """The angle of the joint that is turned."""
-        return (f"{self.place.split('<-')[0]}.theta",)
+        return (f"{joints_of(self.place)[0]}.theta",)
 
     @property
     def place_in_words(self) -> str:
         """`joint 3 follows joint 2`."""
-        return " follows ".join(map(place_words, self.place.split("<-")))
+        return " follows ".join(map(place_words, joints_of(self.place)))
 
 
 class Coupling(CoupledJoints, LinearEffect):
@@ -201,7 +201,7 @@ class Coupling(CoupledJoints, LinearEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficient c."""
-        return (Parameter("c_rad_per_rad", f"turn of {self.place.replace('<-', ' for each rad of ')}", 0.02),)
+        return (Parameter("c_rad_per_rad", f"turn of {' for each rad of '.join(joints_of(self.place))}", 0.02),)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The other joint must move."""
@@ -251,10 +251,10 @@ class Quantisation(Effect):
 
 def ordered_pairs(arm: Arm) -> tuple[str, ...]:
     """Every ordered pair of joints: `jointN<-jointM`."""
-    return tuple(f"{to}<-{by}" for to in arm.joint_names for by in arm.joint_names if to != by)
+    return tuple(turned_by(to, by) for to in arm.joint_names for by in arm.joint_names if to != by)
 
 
 def coupled_joints(place: str) -> tuple[int, int]:
     """Numbers from 0 of the joint that is turned and of the one that turns it, of `jointN<-jointM`."""
-    to, by = place.split("<-")
+    to, by = joints_of(place)
     return joint_number(to), joint_number(by)

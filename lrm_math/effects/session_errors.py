@@ -22,6 +22,7 @@ from lrm_math.effects.base import (
     separately,
 )
 from lrm_math.effects.curves import cubic_b_splines, spline_count
+from lrm_math.effects.offsets import BASE_SHIFT, ZERO_TURN
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.effects.targets import FRAME, FRAME_PLACE, SCALE
 from lrm_math.kinematics.poses import Poses
@@ -35,6 +36,9 @@ RIGID = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "
 """All six motions of a place and the units of their parameters."""
 TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
+DISPLACED = {"rad": ZERO_TURN, "mm": BASE_SHIFT}
+"""Largest displacements (SI), by unit: hands put base, tracker, target or a servo's horn back anywhere, no assembly
+limits how far."""
 RESET = "reset_s_per_s"
 SAME_S = 1e-6
 """s: times that differ by less are the same."""
@@ -227,7 +231,7 @@ class Session(_SessionError, LinearEffect):
     def parameters(self) -> tuple[Parameter, ...]:
         """A step for sessions 2 to 6 and each motion."""
         return tuple(
-            Parameter(f"step{session}{name}_{unit}", f"step of {self.place}{name} in session {session}", TYPICAL[unit])
+            _displacement(f"step{session}{name}", f"step of {self.place}{name} in session {session}", unit)
             for name, unit in self._motions
             for session in range(2, MOST_SESSIONS + 1)
         )
@@ -242,6 +246,11 @@ class Session(_SessionError, LinearEffect):
         number, later = poses.power_cycle, range(1, MOST_SESSIONS)
         now = [0.0 if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later]
         return separately([tuple(now)] * len(self.targets))
+
+
+def _displacement(symbol: str, meaning: str, unit: str) -> Parameter:
+    """One motion of what was displaced as a whole."""
+    return Parameter(f"{symbol}_{unit}", meaning, TYPICAL[unit], largest=DISPLACED[unit])
 
 
 def session_words(place: str) -> str:
@@ -276,7 +285,7 @@ class ChangePoint(_SessionError):
         """Shift of each motion before it against after; the number of the last pose before."""
         return (
             *(
-                Parameter(f"before{end}_{of}", f"{self.place}{end} before it, less after", TYPICAL[of])
+                _displacement(f"before{end}", f"{self.place}{end} before it, less after", of)
                 for end, of in self._motions
             ),
             Parameter("last_pose", "number of the last pose before it", 1.0, fixed=0.0),

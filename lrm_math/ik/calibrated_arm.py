@@ -14,17 +14,18 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, Placement
 from lrm_math.arrays import Array, Vector3
-from lrm_math.errors import LrmError
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, Nearest, NotConverged, distinct
 from lrm_math.ik.goal import IkQuery
-from lrm_math.ik.kernel.kernel_model import matrices
 from lrm_math.ik.kernel.shared_library import KernelFound, kernel
 from lrm_math.ik.nominal import NominalSolver
 from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
+from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.deployed_model import under_gravity, with_load_at, with_offsets
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 SLACK = 0.4
@@ -265,15 +266,16 @@ def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...],
     """Least squares of distance (m) and scaled rotation over the commands within the limits.
 
     `starts`: commands (rad) to start from, beside the closest poses of the library. Of effects that the kernel does not
-    know, the linear part decides about the command; its distance is that of the whole model.
+    know, the linear part decides about the command; its distance is that of the whole model, as `forward` states it: an
+    overloaded arm may rest in several places.
 
     Raises `LrmError`: the arm does not settle anywhere near.
     """
     found = arm.kernel(query.payload).nearest(query.goal, starts)
     if found is not None:
-        settled = arm.equilibria(query.payload, np.array([found[0]]))
-        if len(settled.rows):
-            return Nearest.at(found[0], query.goal, matrices(settled.tcp)[0])
+        with suppress(NoEquilibrium):
+            settled = solve_equilibrium(arm.model, poses_of(np.array([found[0]]), query.payload))
+            return Nearest.at(found[0], query.goal, frames(arm.model.chain, settled.slots, 1)[0, -1])
     raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")
 
 

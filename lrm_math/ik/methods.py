@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -46,6 +45,10 @@ class CubeResult:
     error: float
 
 
+def uncancelled() -> None:
+    """Lets a search go on."""
+
+
 @dataclass(frozen=True)
 class Cube:
     """Nominal inverse, one correction by the calibrated arm's error there, then the best of a cube of goals about it.
@@ -59,12 +62,14 @@ class Cube:
     reach the goal; only its neighbourhood, so that the error of the best still shows what a cube can do.
 
     `side`: m. `points`: goals along each edge. `guesses`: maximum number of starts, each with its cubes.
+    `check_cancelled`: called before each cube; what it raises ends the search, which may take seconds on a small board.
     """
 
     side: float = 0.01
     points: int = 11
     moves: int = 4
     guesses: int = 24
+    check_cancelled: Callable[[], None] = uncancelled
     name: str = "cube"
 
     def __post_init__(self) -> None:
@@ -110,6 +115,7 @@ class Cube:
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
+            self.check_cancelled()
             centre = frames_as_numbers(*_corrected(query, arm.nominal_tool(q), matrices(here.tcp)[0]))
             _, known, _ = kernel.settle(q[None], np.zeros((1, kernel.joints)), here.slots, COARSE)
             target = goal + known[0, 9:] - here.tcp[0, 9:]
@@ -194,7 +200,6 @@ DEFAULT: Method = Cube()
 QUICKEST: Method = Direct()
 
 
-@lru_cache(maxsize=64)
 def method_named(name: str, **options: Any) -> Method:
     """A method with those of its settings that are among `options`, which may be other methods' too.
 

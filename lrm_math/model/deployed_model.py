@@ -11,7 +11,7 @@ import numpy as np
 
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
-from lrm_math.effects import Effect, ModelPart, effect_of, effects_at
+from lrm_math.effects import Effect, EffectRef, ModelPart, ParameterRef, effect_of, effects_at
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.forces import Gravity
 from lrm_math.effects.offsets import Offsets
@@ -128,7 +128,7 @@ def _taken_out(state: StateAfterSession, names: Collection[str]) -> dict[str, fl
 
 def _angle_key(name: str) -> str:
     """Key of the constant offset of the angle of the joint that an effect `id@place` warms."""
-    return f"{Offsets.id}.{name.partition('@')[2]}.theta_rad"
+    return str(ParameterRef(Offsets.id, EffectRef.parse(name).place, "theta_rad"))
 
 
 FIT_STATE = "fit it again with this version: lrm-ident fit DATA --start MODEL"

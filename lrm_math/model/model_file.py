@@ -140,12 +140,15 @@ class CourseTable(StrictSchema):
 
     `shows`: what each effect that was added is, by its name. `noise_rms_mm`: of the measurement. `nested_rms_mm`,
     `nested_deployed_rms_mm`: held out with the effects chosen anew in every fold, and the same as deployed.
+    `chosen_in_folds`: number of these `folds` that chose each effect.
     """
 
     shows: dict[str, AttributionTerm] = {}
     noise_rms_mm: float | None = None
     nested_rms_mm: float | None = None
     nested_deployed_rms_mm: float | None = None
+    chosen_in_folds: dict[str, int] = {}
+    folds: int = 0
 
 
 class HistoryTable(StrictSchema):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arrays import Array
@@ -32,6 +33,17 @@ def reference_inertia(arm: Arm) -> Array:
     return np.asarray(joint_loads(arm, np.tile(middle, (1, 3, 1)), 1.0).inertia[0, 1])
 
 
+def acceleration(x: Array, dt: float) -> Array:
+    """(S, T, k), second derivative of x (S, T, k), T at least 3, by its steps of `dt` s; beyond its ends x is even.
+
+    By five points (Abramowitz & Stegun 1972, 25.3.24): 0.5 % short at 4 Hz and 30 steps a second.
+    """
+    a, b, c, d, e = np.moveaxis(
+        sliding_window_view(np.pad(x, ((0, 0), (2, 2), (0, 0)), mode="reflect", reflect_type="odd"), 5, axis=1), -1, 0
+    )
+    return np.asarray((16.0 * (b + d) - a - e - 30.0 * c) / (12.0 * dt * dt))
+
+
 def joint_loads(arm: Arm, q: Array, dt: float) -> JointLoads:
     """Loads along trajectories q (S, T, n), rad, of frames `dt` s apart."""
     S, T, n = q.shape
@@ -39,8 +51,8 @@ def joint_loads(arm: Arm, q: Array, dt: float) -> JointLoads:
     geometry = chain_geometry(chain, chain.values(list(q.reshape(-1, n).T)), S * T)
     mass = np.array([body.mass for body in chain.bodies])
     centre = geometry.body.transpose(2, 0, 1)  # (N, B, 3)
-    moving = np.gradient(np.gradient(centre.reshape(S, T, -1), dt, axis=1), dt, axis=1).reshape(centre.shape)
-    turning = np.gradient(np.gradient(q, dt, axis=1), dt, axis=1).reshape(-1, n)
+    moving = acceleration(centre.reshape(S, T, -1), dt).reshape(centre.shape)
+    turning = acceleration(q, dt).reshape(-1, n)
     out = np.zeros((3, S * T, n))
     for joint, slot in enumerate(chain.joint_slots):
         axis, origin = geometry.axis[slot].T[:, None], geometry.origin[slot].T[:, None]

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,10 +17,14 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import EffectRef
 from lrm_math.errors import FileError, UnknownName
 from lrm_math.motion.base import MotionEffect
-from lrm_math.motion.effects import MOTION_EFFECTS
+from lrm_math.motion.effects import MOTION_EFFECTS, GravitySag, InertialCoupling, LinkInertia
 from lrm_math.toml_file import StrictSchema, read_toml
 
-SCHEMA = "lrm/motion/1"
+SCHEMA: Final = "lrm/motion/2"
+VERSION_1 = "lrm/motion/1"
+"""Of files in which each of `INERTIAL` counted a part of its own."""
+INERTIAL = (GravitySag, InertialCoupling, LinkInertia)
+"""Effects that count the inertia of the links."""
 MOST_EFFECTS = 1000
 MotionCatalogue = tuple[type[MotionEffect], ...]
 
@@ -94,7 +98,7 @@ class MotionStep(StrictSchema):
 class MotionFile(StrictSchema):
     """Schema of a motion model's file; parameters by key, in the keys' units. `arm_sha256`: of the arm of the fit."""
 
-    schema_: Literal["lrm/motion/1"] = Field(alias="schema")
+    schema_: Literal["lrm/motion/2", "lrm/motion/1"] = Field(alias="schema")
     arm: str
     arm_sha256: str | None = None
     recording: str = ""
@@ -127,6 +131,8 @@ def motion_of(path: Path, file: MotionFile, arm: Arm) -> MotionModel:
         words = f"{arm.name} is not as it was when the model was fitted: {WHAT_COUNTS} differ"
         raise FileError(path, "arm", words, "fit it again: lrm-ident motion fit")
     effects = _effects_of(path, file, arm)
+    if file.schema_ == VERSION_1:
+        _check_inertia_is_counted_once(path, effects)
     known = {key: p for effect in effects for key, p in zip(effect.keys, effect.parameters, strict=True)}
     for table, numbers in (("parameters", file.parameters), ("sigma", file.sigma)):
         for key in numbers:
@@ -145,6 +151,15 @@ def motion_of(path: Path, file: MotionFile, arm: Arm) -> MotionModel:
     values = {key: file.parameters.get(key, p.default / p.si) * p.si for key, p in known.items()}
     sigma = {key: value * known[key].si for key, value in file.sigma.items()}
     return MotionModel(arm, effects, values, sigma)
+
+
+def _check_inertia_is_counted_once(path: Path, effects: tuple[MotionEffect, ...]) -> None:
+    """Raises `FileError`: two effects of a joint of an older file, which now count the same inertia."""
+    for joint in {effect.joint for effect in effects}:
+        both = [effect.name for effect in effects if effect.joint == joint and isinstance(effect, INERTIAL)]
+        if len(both) > 1:
+            what = f"{' and '.join(both)}, fitted by an older version, now count the links' inertia twice"
+            raise FileError(path, "effects", what, "fit it again: lrm-ident motion fit, then motion auto")
 
 
 def _effects_of(path: Path, file: MotionFile, arm: Arm) -> tuple[MotionEffect, ...]:

@@ -14,8 +14,8 @@ from lrmd.cli.parsing import open_rover
 from lrmd.client.model_text import text_to_deploy
 from lrmd.messages.control import Event
 
-MOTION_SCHEMA = "lrm/motion/1"
-"""Of a motion model's file; stated here since its schema takes a while to import."""
+MOTION_SCHEMA = "lrm/motion/"
+"""Beginning of that of a motion model's file; stated here since its schema takes a while to import."""
 
 
 def state(o: argparse.Namespace) -> int:
@@ -59,7 +59,7 @@ def deploy(o: argparse.Namespace) -> int:
     """`lrm deploy`: gives the daemon a model file, of poses or of motion, or takes the last one back."""
     if (o.model is None) == (not o.undo):
         raise LrmError("deploy: give a model file, or --undo")
-    if o.undo == "motion" or (o.model is not None and schema_of(o.model) == MOTION_SCHEMA):
+    if o.undo == "motion" or (o.model is not None and (schema_of(o.model) or "").startswith(MOTION_SCHEMA)):
         return _deploy_motion(o)
     text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _checked(o.model, o.accept))
     with open_rover(o) as rover:

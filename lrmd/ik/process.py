@@ -188,6 +188,11 @@ class IkProcess:
         except Exception as error:
             self._end(queued, error)
 
+    def _working(self, queued: QueuedQuery) -> None:
+        """Within a goal: sign of life, and the query's own deadline."""
+        self._shared.ik[0] = time.monotonic_ns()
+        queued.check()
+
     def _pause(self, plan: QueuedQuery) -> None:
         """Between two moves of a plan: a turn of another query, then the plan's own deadline."""
         self._look_up()
@@ -270,7 +275,7 @@ class IkProcess:
             case IkRequest():
                 kind, content["answers"] = IkReply, []
                 content["residual_m"] = service.deployed.residual
-                for answer in service.inverse(request, known):
+                for answer in service.inverse(request, known, partial(self._working, queued)):
                     content["answers"].append(answer)
                     yield
             case FkRequest():

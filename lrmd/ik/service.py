@@ -21,7 +21,7 @@ from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, S
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose, pose_rpy
-from lrm_math.ik.methods import QUICKEST, method_named
+from lrm_math.ik.methods import QUICKEST, method_named, uncancelled
 from lrm_math.kinematics.known import Known, MemoryState
 from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -253,11 +253,17 @@ class IkService:
         scene = Scene.of(self.config.arm, around=[entry.built() for entry in obstacles])
         return replace(self, feasibility=replace(self.feasibility, scene=scene))
 
-    def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:
-        """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
+    def inverse(
+        self, request: IkRequest, known: Known = UNKNOWN, check_cancelled: CancellationCheck = uncancelled
+    ) -> Iterator[IkAnswer]:
+        """One answer per goal, each computed when it is taken.
+
+        Raises `LrmError` for invalid goals, and what `check_cancelled` raises, which is called during each search.
+        """
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
-        method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
+        settings: dict[str, Any] = {"side": request.cube_side_m, "points": request.cube_points}
+        method = method_named(request.method, **settings, check_cancelled=check_cancelled)
         near, motion = _start(request.near_rad, known)
         payload, rounding = request.payload_kg or 0.0, Rounding(request.round)
 
@@ -363,6 +369,8 @@ class IkService:
         try:
             reply = self.solver.solve(goal, payload, near, method, rounding, self.feasibility.feasible, motion)
             content = self._content(reply, payload)
+        except RequestError:
+            raise
         except LrmError as error:
             content = {"verdict": "not_converged", "text": str(error)}
         command = content.get("q_rad") or content.get("nearest_rad")

@@ -23,7 +23,7 @@ def motion_text(model: MotionModel) -> str:
     """The text of the model's file, of a shipped arm."""
     effects = ", ".join(f'"{effect.name}"' for effect in model.effects)
     numbers = "\n".join(f'"{key}" = {value}' for key, value in model.values.items())
-    head = f'schema = "lrm/motion/1"\narm = "{model.arm.name}"\neffects = [{effects}]\n[parameters]\n'
+    head = f'schema = "lrm/motion/2"\narm = "{model.arm.name}"\neffects = [{effects}]\n[parameters]\n'
     return f"{head}{numbers}\n"
 
 

@@ -34,7 +34,7 @@ def upright_measurements(
     """
     file = folder / "arm.toml"
     file.write_text(text)
-    arm, number = synthetic.load_arm(file), np.arange(1, count + 1)
+    arm = synthetic.load_arm(file)
     truth = synthetic.base_displacement_to_deviations(arm, synthetic.GroundTruth.random(arm, seed, hidden))
     soft = tuple(softness * compliance for compliance in truth.joint_compliance_rad_per_nm)
     truth = replace(truth, joint_compliance_rad_per_nm=soft)
@@ -42,5 +42,5 @@ def upright_measurements(
     plan = synthetic.even_schedule(*q.shape)
     tcp = synthetic.measure(arm, truth, q, load, noise, seed, plan)
     poses = Poses(q, load, directions(q, plan.start_q_rad), plan.time_s)
-    data = Measurements.of_tcp(poses, tcp, noise, pose=number, source=Source(file.with_suffix(".csv")))
+    data = Measurements.of_tcp(poses, tcp, noise, source=Source(file.with_suffix(".csv")))
     return nominal_model(load_arm(str(file))), data

@@ -14,7 +14,7 @@ from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.outcome import examined, ratio
 from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.recording import FRESH, in_shown_frame
-from validation.as_deployed.results import line_of, read_cases, report, write_cases
+from validation.as_deployed.results import line_of, report, results_file
 from validation.as_deployed.worlds import PARTS, SimulatedCase, keys_of
 from validation.synthetic import Schedule, true_state
 
@@ -27,8 +27,9 @@ def test_a_case_is_examined_written_and_reported(tmp_path: Path) -> None:
     assert record["steps"][0]["added"] == "session@joint3"
     assert record["before_mm"] > 1.0
     assert ratio(record) == pytest.approx(record["after_mm"] / record["before_mm"])
-    write_cases(tmp_path / "out" / "found.json", {key: record})
-    known = read_cases(tmp_path / "out" / "found.json")
+    file = results_file(tmp_path / "out" / "found.json")
+    file.write({key: record})
+    known = file.read()
     assert known == {key: record}
     assert line_of(key, record).startswith(key)
     assert record["after_recorded_mm"] == pytest.approx(record["after_mm"])  # nothing of it follows time or moves

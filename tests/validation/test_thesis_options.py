@@ -20,12 +20,11 @@ from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.sweep import soak
-from validation import synthetic
+from validation import synthetic, synthetic_measurements
 from validation.thesis.__main__ import main as thesis
 from validation.thesis.error_distribution import error_distribution
 from validation.thesis.thesis_options import (
@@ -47,11 +46,9 @@ PUBLISHED_WITH_THE_DATA_MM = {"option1": 6.30, "option1_2": 6.25, "option2": 15.
 def measured(seed: int, count: int, payload: float = 0.0) -> Measurements:
     """Random poses of a random arm of the independent generator, with a load (kg)."""
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
-    q = synthetic.random_poses(rig, count, seed + round(payload * 1e4), floor_m=0.1)
-    truth = synthetic.GroundTruth.random(rig, seed)
-    tcp = synthetic.measure(rig, truth, q, payload, NOISE, seed + round(payload * 1e4))
-    number = np.arange(1, count + 1)
-    return Measurements.of_tcp(poses_of(q, payload), tcp, NOISE, pose=number)
+    poses_seed, truth = seed + round(payload * 1e4), synthetic.GroundTruth.random(rig, seed)
+    q = synthetic.random_poses(rig, count, poses_seed, floor_m=0.1)
+    return synthetic_measurements.measured(rig, truth, q, poses_seed, payload)
 
 
 @pytest.fixture(scope="module")
@@ -136,9 +133,7 @@ def test_on_an_arm_as_the_model_says_option_1_reaches_the_noise(lab: Arm) -> Non
         joint_compliance_rad_per_nm=(0.07, 0.06, 0.08, 0.1, 0.1, 0.1),
     )
     q = synthetic.random_poses(rig, 150, 4)
-    number = np.arange(1, 151)
-    tcp = synthetic.measure(rig, truth, q, 0.0, NOISE, 4)
-    data = Measurements.of_tcp(poses_of(q), tcp, NOISE, pose=number)
+    data = synthetic_measurements.measured(rig, truth, q, 4)
     found = run_options(lab, data, options=[option_named(f"option{i}") for i in (1, 2, 3, 4)])
     assert found.of("option1").on_rest.rms < 1.25 * NOISE * np.sqrt(3)
     for name in ("option2", "option3", "option4"):

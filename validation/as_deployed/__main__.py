@@ -17,73 +17,49 @@ A case that is in the file of results is not run again.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
 from examples.demo.world import SPEED
-from lrm_ident.fitting.executors import as_finished, executor_for
 from lrm_math.errors import FileError
 from validation.as_deployed.examine import examine
-from validation.as_deployed.outcome import Record
 from validation.as_deployed.real_arm import MEASUREMENTS
-from validation.as_deployed.results import line_of, read_cases, report, write_cases
+from validation.as_deployed.results import line_of, report, results_file
 from validation.as_deployed.worlds import COUNTS, PARTS, keys_of
+from validation.options import asked
+from validation.runner import run_cases
 
 
 def main() -> int:
     """Reads the options, runs what is not there yet, prints the tables. Exit code 2 if a file is another one."""
-    options = _options()
+    options = asked(
+        __doc__,
+        part=([*PARTS], "parts (default: all)", PARTS),
+        real=(None, f"folder of the real arm's {MEASUREMENTS}; without it that part is skipped"),
+        poses=([*COUNTS], "numbers of poses of the catalogue"),
+        seeds=([int], "seeds (default: those of each part)"),
+        only=([str], "only cases whose key contains one of these"),
+        every=(1, "only every so many of the cases"),
+        speed=(SPEED, "speed of the simulated board's clock, for --part board; less for a busy computer"),
+        jobs=(1, "processes side by side"),
+        beside=(None, "results of other code, shown beside these"),
+        out=(Path("out/as-deployed.json"), "file of results"),
+    )
+    there = options.real is not None and (options.real / MEASUREMENTS).exists()
+    parts = [part for part in options.part if part != "real" or there]
+    keys = [key for part in parts for key in keys_of(part, options.seeds, options.poses)]
+    chosen = [key for key in keys if not options.only or any(word in key for word in options.only)][:: options.every]
+    of_key = partial(examine, real=options.real, speed=options.speed)
     try:
-        cases, beside = read_cases(options.out), read_cases(options.beside)
+        beside = {} if options.beside is None else results_file(options.beside).read()
+        file = results_file(options.out)
+        found = run_cases({key: key for key in chosen}, of_key, line_of, options.jobs, file=file)
     except FileError as problem:
         print(problem, file=sys.stderr)
         return 2
-    there = options.real is not None and (options.real / MEASUREMENTS).exists()
-    parts = [part for part in options.part or PARTS if part != "real" or there]
-    asked = [key for part in parts for key in keys_of(part, options.seeds, options.poses)]
-    asked = [key for key in asked if not options.only or any(word in key for word in options.only)]
-    asked = asked[:: options.every]
-    keys = [key for key in asked if key not in cases]
-    for number, (key, record) in enumerate(examined(keys, options.real, options.jobs, options.speed), start=1):
-        cases[key] = record
-        write_cases(options.out, cases)
-        print(f"{number}/{len(keys)} {line_of(key, record)}", file=sys.stderr, flush=True)
-    known = {key: cases[key] for key in asked if key in cases}
-    print(report(known, beside))
+    print(report(found, beside))
     return 0
-
-
-def examined(keys: Sequence[str], real: Path | None, jobs: int, speed: float) -> Iterator[tuple[str, Record]]:
-    """Keys with their records, as they are done; one after the other in this process, or side by side."""
-    of_key = partial(examine, real=real, speed=speed)
-    if jobs == 1:
-        yield from map(of_key, keys)
-        return
-    with executor_for(most=jobs) as executor:
-        yield from (found for _, found in as_finished(executor, of_key, keys))
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        "python -m validation.as_deployed", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--part", choices=PARTS, action="append", help="parts (default: all); may be repeated")
-    parser.add_argument(
-        "--real", type=Path, help=f"folder of the real arm's {MEASUREMENTS}; without it that part is skipped"
-    )
-    parser.add_argument("--poses", type=int, nargs="+", default=COUNTS, help="numbers of poses of the catalogue")
-    parser.add_argument("--seeds", type=int, nargs="+", help="seeds (default: those of each part)")
-    parser.add_argument("--only", action="append", help="only cases whose key contains this; may be repeated")
-    parser.add_argument("--every", type=int, default=1, help="only every so many of the cases")
-    words = "speed of the simulated board's clock, for --part board; less for a busy computer (default: %(default)g)"
-    parser.add_argument("--speed", type=float, default=SPEED, help=words)
-    parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
-    parser.add_argument("--beside", type=Path, help="results of other code, shown beside these")
-    parser.add_argument("-o", "--out", type=Path, default=Path("out/as-deployed.json"), help="file of results")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -6,36 +6,29 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.fitting.executors import ONE_THREAD
 from validation.as_deployed.catalogue import recording_of
 from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.pose_choice import BetweenLevels, HalfRange, TiedJoints
-from validation.as_deployed.recording import WorldRecording
+from validation.as_deployed.recording import OngoingWorld, WorldRecording
 from validation.hidden_effects.case import Case, of_part
 from validation.hidden_effects.causes import coupled, gear_ripple
 from validation.hidden_effects.examine import COMMAND_TIMEOUT_S, ROOT
 
 
-@dataclass(frozen=True)
-class AbsurdCase:
-    """Hidden cause, number of measured poses, and the world of a seed."""
+def _of(case: Case, poses: int, choice: HalfRange | TiedJoints | BetweenLevels) -> OngoingWorld:
+    def record(seed: int, count: int) -> WorldRecording:
+        return recording_of(case, seed, count, choice)
 
-    hidden: str
-    poses: int
-    record: Callable[[int], WorldRecording]
+    return OngoingWorld.of(f"{case.name}, {choice.words}", record, poses)
 
 
-def _of(case: Case, poses: int, choice: HalfRange | TiedJoints | BetweenLevels) -> AbsurdCase:
-    return AbsurdCase(f"{case.name}, {choice.words}", poses, lambda seed: recording_of(case, seed, poses, choice))
-
-
-def _leaning(axis: str, tilt_deg: int, poses: int) -> AbsurdCase:
+def _leaning(axis: str, tilt_deg: int, poses: int) -> OngoingWorld:
     lean = Lean(axis, tilt_deg, poses)
-    return AbsurdCase(lean.words, poses, lambda seed: leaning_recording(seed, lean))
+    return OngoingWorld.of(lean.words, lambda seed, _: leaning_recording(seed, lean), poses)
 
 
 def _ripple(waves: int, degrees: float) -> Case:

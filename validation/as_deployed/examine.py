@@ -14,26 +14,26 @@ from validation.as_deployed.real_arm import nested_record
 from validation.as_deployed.worlds import SimulatedCase, seed_of
 
 
-def examine(key: str, real: Path | None = None, speed: float = SPEED) -> tuple[str, Record]:
+def examine(key: str, real: Path | None = None, speed: float = SPEED) -> Record:
     """The record of a case. Never raises `LrmError`.
 
     `real`: folder of the real measurements. `speed`: of the simulated board's clock against the computer's.
     """
     part = key.partition("/")[0]
     if part == "loop":
-        return key, InstantLoop(seed_of(key)).record()
+        return InstantLoop(seed_of(key)).record()
     if part == "board":
-        return key, loop_record(seed_of(key), speed)
+        return loop_record(seed_of(key), speed)
     if part == "real" and real is not None:
         parameters, folding = key.split("/")[1].split(", ")
         try:
-            return key, nested_record(real, parameters, folding)
+            return nested_record(real, parameters, folding)
         except LrmError as problem:
-            return key, {"trouble": str(problem)}
+            return {"trouble": str(problem)}
     case = SimulatedCase.of(key)
     try:
         run = case.record()
     except RuntimeError as problem:  # the world itself has no equilibrium
-        return key, {"hidden": case.hidden, "trouble": f"world: {problem}"}
+        return {"hidden": case.hidden, "trouble": f"world: {problem}"}
     said = {"says": said_by_auto(run)} if part == "absurd" else {}
-    return key, {"hidden": case.hidden, **examined(run, floor=part == "lean"), **said}
+    return {"hidden": case.hidden, **examined(run, floor=part == "lean"), **said}

@@ -14,7 +14,6 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds, random_folds
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
@@ -39,9 +38,9 @@ def nested_record(folder: Path, parameters: str, folding: str, folds: int = FOLD
     plain, named = [], []
     for number in range(folds):
         train, test = data.take(fold != number), data.take(fold == number)
-        start = Study.of(train).fit(parameters).model
-        plain.append(_errors(start, test))
-        run = run_auto(start, train)
+        start = Study.of(train).fit(parameters)
+        plain.append(_errors(start.model, test))
+        run, _ = start.auto()
         named.append(_errors(run.model, test))
         chosen.append([step.added for step in run.steps[1:]])
     (before_shown, before, before_recorded), (after_shown, after, after_recorded) = (

@@ -10,6 +10,7 @@ errors of the tracker and never become truth.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -80,6 +81,25 @@ class WorldRecording:
 def as_known_to_a_rover(poses: Poses) -> Poses:
     """Poses as a rover knows them after a restart, with angles, loads and moves: no time, session or earlier poses."""
     return Poses(poses.q, poses.payload, poses.direction, friction=poses.friction)
+
+
+@dataclass(frozen=True)
+class OngoingWorld:
+    """A world that is measured and goes on.
+
+    Attributes:
+        hidden: the truth of a seed, in the tool's words where it has some.
+        record: the recording of a seed with so many measured poses. poses: how many there are; None: any number.
+    """
+
+    hidden: Callable[[int], str]
+    record: Callable[[int, int], WorldRecording]
+    poses: int | None = None
+
+    @classmethod
+    def of(cls, hidden: str, record: Callable[[int, int], WorldRecording], poses: int | None = None) -> OngoingWorld:
+        """A world in which the same is hidden with every seed."""
+        return cls(lambda _: hidden, record, poses)
 
 
 @dataclass(frozen=True, eq=False)

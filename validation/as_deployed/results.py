@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lrm_math.atomic_file import write_atomically
-from lrm_math.errors import FileError
 from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, stated_off
-from validation.hidden_effects.tables import markdown_table
+from validation.runner import ResultsFile
+from validation.tables import markdown_table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
@@ -23,23 +21,9 @@ IN_MM = ("loop/", "board/", "real/")
 Cases = dict[str, Record]
 
 
-def read_cases(path: Path | None) -> Cases:
-    """Records by the keys of their cases; none where there is no file yet. Raises `FileError` for another file."""
-    if path is None or not path.exists():
-        return {}
-    try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        cases: Cases = found["cases"]
-    except (ValueError, KeyError, TypeError):
-        raise FileError(path, "cases", "holds no results of validation.as_deployed; name another file") from None
-    return cases
-
-
-def write_cases(path: Path, cases: Mapping[str, Record]) -> None:
-    """Writes all records."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    document = {"schema": SCHEMA, "noise_rms_mm": NOISE_MM, "cases": cases}
-    write_atomically(path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
+def results_file(path: Path) -> ResultsFile[Record]:
+    """The file of records by the keys of their cases."""
+    return ResultsFile(path, dict, SCHEMA, {"noise_rms_mm": NOISE_MM})
 
 
 def steps_words(record: Record) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from lrm_ident.fitting.cross_validation import FOLDS
 from validation.as_deployed.absurd import ABSURD
@@ -13,11 +14,39 @@ from validation.as_deployed.faults import FAULTS, fault_recording
 from validation.as_deployed.leaning import SEEDS, Lean, leaning_recording
 from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.real_arm import REAL
-from validation.as_deployed.recording import WorldRecording
+from validation.as_deployed.recording import OngoingWorld, WorldRecording
+from validation.hidden_effects.case import Case
 
 PARTS = ("catalogue", "lean", "beyond", "absurd", "loop", "board", "real")
 JOINTS = (2, 3, 4)
 COUNTS = (300, 80)
+
+
+def _truth(case: Case) -> str:
+    truths = case.truths
+    return "no name fits" if truths is None else " + ".join(" or ".join(sorted(one)) for one in truths) or "nothing"
+
+
+def _half_measured(number: int, case: Case) -> OngoingWorld:
+    """Joints 2, 3 and 4 in turn over cases and seeds, so that seeds 0, 1, 2 give each case every joint."""
+
+    def record(seed: int, poses: int) -> WorldRecording:
+        side = -1 if (number // len(JOINTS) + seed) % 2 else 1
+        return recording_of(case, seed, poses, HalfRange(JOINTS[(number + seed) % len(JOINTS)], side))
+
+    return OngoingWorld.of(_truth(case), record)
+
+
+WORLDS: dict[str, dict[str, OngoingWorld]] = {
+    "catalogue": {
+        **{name: OngoingWorld.of(_truth(case), partial(recording_of, case)) for name, case in CATALOGUE.items()},
+        **{name: OngoingWorld.of(case.name, partial(fault_recording, case)) for name, case in FAULTS.items()},
+    },
+    "lean": {"lean": OngoingWorld(lambda seed: Lean.of(seed).words, lambda seed, _: leaning_recording(seed))},
+    "beyond": {name: _half_measured(number, case) for number, (name, case) in enumerate(CATALOGUE.items())},
+    "absurd": ABSURD,
+}
+"""By part and name."""
 
 
 @dataclass(frozen=True)
@@ -44,34 +73,11 @@ class SimulatedCase:
     @property
     def hidden(self) -> str:
         """The truth, in the tool's words where it has some."""
-        if self.part == "lean":
-            return Lean.of(self.seed).words
-        if self.part == "absurd":
-            return ABSURD[self.name].hidden
-        if self.name in FAULTS:
-            return self.name.partition("/")[2]
-        truths = CATALOGUE[self.name].truths
-        return "no name fits" if truths is None else " + ".join(" or ".join(sorted(one)) for one in truths) or "nothing"
+        return WORLDS[self.part][self.name].hidden(self.seed)
 
     def record(self) -> WorldRecording:
         """The simulated world."""
-        if self.part == "lean":
-            return leaning_recording(self.seed)
-        if self.part == "absurd":
-            return ABSURD[self.name].record(self.seed)
-        if self.name in FAULTS:
-            return fault_recording(FAULTS[self.name], self.seed, self.poses)
-        if self.part == "beyond":
-            return recording_of(CATALOGUE[self.name], self.seed, self.poses, self._half)
-        return recording_of(CATALOGUE[self.name], self.seed, self.poses)
-
-    @property
-    def _half(self) -> HalfRange:
-        """Joints 2, 3 and 4 in turn over cases and seeds, so that seeds 0, 1, 2 give each case every joint."""
-        number = [*CATALOGUE].index(self.name)
-        return HalfRange(
-            JOINTS[(number + self.seed) % len(JOINTS)], -1 if (number // len(JOINTS) + self.seed) % 2 else 1
-        )
+        return WORLDS[self.part][self.name].record(self.seed, self.poses)
 
 
 def cases_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> Iterator[SimulatedCase]:
@@ -79,15 +85,10 @@ def cases_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> I
     if part == "lean":
         yield from (SimulatedCase(part, "lean", Lean.of(seed).poses, seed) for seed in seeds or range(SEEDS))
         return
-    if part == "absurd":
-        yield from (
-            SimulatedCase(part, name, one.poses, seed) for name, one in ABSURD.items() for seed in seeds or (0,)
-        )
-        return
-    names = [*CATALOGUE, *FAULTS] if part == "catalogue" else [*CATALOGUE]
     for count in counts if part == "catalogue" else counts[:1]:
         for seed in seeds or (0,):
-            yield from (SimulatedCase(part, name, count, seed) for name in names)
+            worlds = WORLDS[part].items()
+            yield from (SimulatedCase(part, name, world.poses or count, seed) for name, world in worlds)
 
 
 def keys_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> list[str]:

@@ -57,9 +57,9 @@ class PhotoScene:
         blurred = cv2.GaussianBlur(picture * np.float32(self.gain), (0, 0), self.blur)
         shift = (37 * seed % 211, 53 * seed % 307)
         noise = np.roll(_grain(self.lens.size), shift, axis=(0, 1)) * np.float32(self.noise)
-        return np.clip(blurred + noise, 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(blurred + noise, 0, 255), dtype=np.uint8)
 
-    def _board(self, board: CharucoBoard, pose: Array, low: Array, high: Array, behind: Array) -> Array:
+    def _board(self, board: CharucoBoard, pose: Array, low: Array, high: Array, behind: NDArray[np.float32]) -> Array:
         """Grey levels of a part of the picture, from pixel `low` to `high`."""
         cv2 = opencv()
         fine = [(np.arange((b - a) * RAYS) + 0.5) / RAYS - 0.5 + a for a, b in zip(low, high, strict=True)]

@@ -107,10 +107,10 @@ def _facing(arm: Arm) -> Array:
 def poses_in_view(true: CameraRig, count: int, seed: int) -> Poses:
     """Poses at which the camera sees the whole board, spread over the joints."""
     arm, rng = true.model.arm, np.random.default_rng([seed, 3])
-    limits = np.array([(joint.lower, joint.upper) for joint in arm.joints])
+    low, high = 0.85 * np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
     found: list[Array] = []
     while len(found) < count:
-        q = rng.uniform(*(0.85 * limits.T), (200, arm.dof))
+        q = rng.uniform(low, high, (200, arm.dof))
         found += list(q[true.shows(q)])
     return poses_of(np.array(found[:count]))
 

@@ -17,24 +17,24 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from lrm_ident.fitting.executors import executor_for, in_order
+from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fitting.priors import PriorFile
 from lrm_ident.fleet.fleet_prior import prior_text
-from lrm_ident.fleet.fleet_report import fleet_result
+from lrm_ident.fleet.fleet_report import fleet_result, outlier_sentence
 from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet, task_of
 from lrm_math.errors import LrmError
 from lrm_math.toml_file import read_toml
 from validation.fleet.expected_errors import expected_errors
-from validation.fleet.held_out_arm import identify
+from validation.fleet.held_out_arm import HeldOutArm, identify
 from validation.fleet.simulated_fleet import ArmOfKind, simulated_fleet, write_fleet
 from validation.options import asked
+from validation.runner import run_cases
 
 FEW, MANY = 60, 150
 
@@ -55,24 +55,30 @@ def main() -> None:
         executor_for(options.cluster or None, most=options.jobs) as pool,
         TemporaryDirectory(prefix="fleet-") as scratch,
     ):
-        folder = Path(scratch)
-        prior = _make_prior(sisters, folder, pool)
-        ways = {
-            f"{FEW} poses, with the prior": partial(identify, poses=FEW, prior=prior),
-            f"{FEW} poses": partial(identify, poses=FEW, prior=None),
-            f"{MANY} poses": partial(identify, poses=MANY, prior=None),
-        }
-        found = {name: in_order(pool, way, others) for name, way in ways.items()}
+        prior = _make_prior(sisters, Path(scratch), pool)
+    ways = {f"{FEW} poses, with the prior": (FEW, prior), f"{FEW} poses": (FEW, None), f"{MANY} poses": (MANY, None)}
+    cases = {f"{arm.name}, {name}": (arm, *way) for name, way in ways.items() for arm in others}
+    each = [*run_cases(cases, examine, _line, options.jobs, options.cluster).values()]
+    found = {name: each[k * len(others) : (k + 1) * len(others)] for k, name in enumerate(ways)}
     for name, results in found.items():
         tips = [one.tip_mm for one in results]
         wrong, missed = (sum(len(getattr(one, kind)) for one in results) for kind in ("false_names", "missed"))
-        each = " ".join(f"{tip:.2f}" for tip in tips)
-        print(f"{name}: median tip error {np.median(tips):.3f} mm ({each}); false names {wrong}, missed {missed}")
+        every = " ".join(f"{tip:.2f}" for tip in tips)
+        print(f"{name}: median tip error {np.median(tips):.3f} mm ({every}); false names {wrong}, missed {missed}")
     with_prior, _, without = ([one.tip_mm for one in results] for results in found.values())
     false_with, _, false_without = (sum(len(one.false_names) for one in results) for results in found.values())
     good = np.median(with_prior) <= np.median(without) and false_with <= false_without
     print("as good as wanted" if good else "NOT as good as wanted")
     sys.exit(0 if good else 1)
+
+
+def examine(case: tuple[ArmOfKind, int, PriorFile | None]) -> HeldOutArm:
+    """An arm that the fleet has not seen, identified from so many poses, with a prior or without."""
+    return identify(*case)
+
+
+def _line(key: str, one: HeldOutArm) -> str:
+    return f"{key}: {one.tip_mm:.3f} mm"
 
 
 def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> PriorFile:
@@ -92,7 +98,7 @@ def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> P
         f"{back / 1e3:.1f} kB per arm; seen together in {time.monotonic() - begun:.1f} s"
     )
     for one in result.outliers:
-        print(f"  {one.sentence}")
+        print(f"  {outlier_sentence(one)}")
     if isinstance(result.known, str):
         raise LrmError(result.known)
     path = folder / "prior.toml"

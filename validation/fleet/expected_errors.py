@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import ParameterRef, effect_of, effects_at
+from lrm_math.effects import EffectRef, ParameterRef, effect_of, effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -54,8 +54,9 @@ def expected_errors(
     described = load_arm("lrm-lab")
     names = ("offsets", "compliance", *(effect.name for effect in effects))
     model = model_of(described, [effect for name in names for effect in effects_at(described, name)])
+    joints = {EffectRef("compliance", name) for name in described.joint_names}
     joint = float(np.mean(JOINT_COMPLIANCE))
-    known = {key: joint for key in model.keys if key.startswith("compliance.joint")}
+    known = {key: joint for key in model.keys if ParameterRef.parse(key).effect in joints}
     model = model_of(described, model.effects, known | {"compliance.base.k_rad_per_Nm": BASE_COMPLIANCE})
     keys = [key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None]
     typical = np.array([model.parameter(key).typical for key in keys])

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 
-from lrm_ident.fitting.executors import as_finished, executor_for
+from lrm_math.errors import FileError
 from validation.hidden_effects.case import NAMED
 from validation.hidden_effects.catalogue import PARTS
 from validation.hidden_effects.examine import Task, examine
 from validation.hidden_effects.outcome import Outcome
 from validation.hidden_effects.tables import TITLE, faults, memories, report, section
 from validation.options import asked
+from validation.runner import ResultsFile, run_cases
 
 
 def main() -> None:
@@ -36,6 +36,7 @@ def main() -> None:
         jobs=(2, "worker processes"),
         cluster=("", "Dask scheduler; its workers need this repository on their path"),
         out=(None, "write the tables to this Markdown file too"),
+        results=(None, "file of outcomes, which a later run goes on with"),
         keep=(None, "keep data, models and diagnoses in this folder"),
     )
     unknown = set(options.part.split(",")) - set(PARTS)
@@ -47,8 +48,10 @@ def main() -> None:
         sys.exit(f"no case of {options.part} has {options.only} in its name")
     seeds = range(options.first, options.first + options.seeds)
     tasks = [(key, seed, arm) for key in keys for arm in options.arm.split(",") for seed in seeds]
-    with executor_for(options.cluster or None, most=options.jobs) as pool:
-        outcomes = run(tasks, options.poses, pool, options.keep)
+    try:
+        outcomes = run(tasks, options.poses, options.jobs, options.cluster, options.keep, options.results)
+    except FileError as problem:
+        sys.exit(str(problem))
     text = tables(outcomes, parts[0], options.poses, options.seeds)
     print(text)
     if options.out:
@@ -57,13 +60,18 @@ def main() -> None:
         options.out.write_text(f"{kept}{text}".lstrip(), encoding="utf-8")
 
 
-def run(tasks: Sequence[Task], poses: int, executor: Executor, keep: Path | None = None) -> list[Outcome]:
-    """Every task, side by side; progress goes to stderr. In the order of the tasks."""
-    done: dict[int, Outcome] = {}
-    for number, one in as_finished(executor, partial(examine, poses=poses, keep=keep), tasks):
-        done[number] = one
-        print(f"{len(done)}/{len(tasks)} {line(one)}", file=sys.stderr, flush=True)
-    return [done[number] for number in range(len(tasks))]
+def run(
+    tasks: Sequence[Task],
+    poses: int,
+    jobs: int,
+    cluster: str = "",
+    keep: Path | None = None,
+    results: Path | None = None,
+) -> list[Outcome]:
+    """Outcomes of all tasks, in their order. Raises `FileError`: results are those of something else."""
+    cases = {"/".join(filter(None, (*map(str, task), str(poses)))): task for task in tasks}
+    file = ResultsFile(results, Outcome, "hidden-effects/1") if results else None
+    return [*run_cases(cases, partial(examine, poses=poses, keep=keep), line, jobs, cluster, file).values()]
 
 
 def tables(outcomes: Sequence[Outcome], part: str, poses: int, seeds: int) -> str:
@@ -75,7 +83,7 @@ def tables(outcomes: Sequence[Outcome], part: str, poses: int, seeds: int) -> st
     return memories(outcomes) if part.startswith("memory") else section(outcomes, part, poses, seeds)
 
 
-def line(one: Outcome) -> str:
+def line(_key: str, one: Outcome) -> str:
     """Progress in one line."""
     right = one.hit if one.of.part == NAMED else one.honest if one.of.spoil else one.all_named
     names = " > ".join("=".join(step) for step in one.steps) or "no step"

@@ -26,6 +26,7 @@ from lrm_ident.fitting.model_fit import nominal_model
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import EffectRef
 from lrm_math.model.model import Model
 from validation.hidden_effects.case import (
     FAULTS,
@@ -85,7 +86,7 @@ def diagnosed(case: Case, seed: int, poses: int, folder: Path, found: Found) -> 
     first = first_supported(said)
     if first is None:
         raise CommandFailed(f"verdict {said['verdict']}, but the ranking supports nothing")
-    name = f"{first['effect']}@{first['place']}"
+    name = str(EffectRef(first["effect"], first["place"]))
     found["steps"] = (tuple(dict.fromkeys([name, *first["indistinguishable_from"]])),)
     found["findings"] = (said["verdict"] == "effect_missing" and not first["indistinguishable_from"],)
     run_tool("add", model, data, name, "-o", better, "--json", folder / "a.json")

@@ -7,6 +7,7 @@ import math
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,11 +16,13 @@ import numpy as np
 import lrm_ident as lrm
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
+from lrm_math.effects import EffectRef, ParameterRef
 from lrm_math.errors import LrmError
 from validation.hidden_effects.case import ARM_FILE, Case
 from validation.hidden_effects.cases import SINGLE
 from validation.hidden_effects.data import dataset
 from validation.options import asked
+from validation.runner import run_cases
 from validation.synthetic import ArmDescription, Dataset, HiddenEffect, write
 from validation.synthetic.hidden_bodies import WrongBody, WrongLoad
 from validation.synthetic.hidden_joints import CoupledJoint, EccentricShaft, FastClock, OneSidedGain, SoftPlay
@@ -134,32 +137,41 @@ def deviations_of(case: Case, seed: int, count: int, folder: Path) -> Iterator[t
     fitted = study.taken.fit
     for key, z in deviations(fitted, made):
         if key not in fitted.at_bound:
-            yield key.split(".")[0], key, z
-    beside = f"springs beside {(case.truth or ('nothing',))[0].split('@')[0]}"
+            yield ParameterRef.parse(key).id, key, z
+    beside = f"springs beside {EffectRef.parse((case.truth or ('nothing',))[0]).id}"
     for joint in SPRINGS:
         key = f"compliance.{joint}.k_rad_per_Nm"
         if key in fitted.model.free and key not in fitted.at_bound:
             yield beside, key, _z(fitted, key, made.truth.joint_compliance_rad_per_nm[int(joint[-1]) - 1])
 
 
+def examine(poses: int, which: tuple[str, int]) -> list[tuple[str, str, float]] | str:
+    """`deviations_of` a case by its name and a seed, or why there are none."""
+    name, seed = which
+    warnings.simplefilter("ignore")
+    with TemporaryDirectory() as folder:
+        try:
+            return list(deviations_of(SINGLE[name], seed, poses, Path(folder)))
+        except LrmError as error:
+            return str(error)
+
+
+def line(key: str, found: list[tuple[str, str, float]] | str) -> str:
+    """One data set."""
+    return f"{key}: {found if isinstance(found, str) else ' '.join(f'{of} {z:+.1f}' for _, of, z in found)}"
+
+
 def main() -> None:
     """Prints the share by effect."""
-    options = asked(__doc__, seeds=3, first=(0, "first seed"), poses=150, only=("", "cases whose name contains this"))
-    warnings.simplefilter("ignore")
+    options = asked(
+        __doc__, seeds=3, first=(0, "first seed"), poses=150, only=("", "cases whose name contains this"), jobs=1
+    )
+    seeds = range(options.first, options.first + options.seeds)
+    cases = {f"{seed} {name}": (name, seed) for seed in seeds for name in SINGLE if options.only in name}
     found = defaultdict[str, list[float]](list)
-    for seed in range(options.first, options.first + options.seeds):
-        for case in SINGLE.values():
-            if options.only not in case.name:
-                continue
-            with TemporaryDirectory() as folder:
-                try:
-                    rows = list(deviations_of(case, seed, options.poses, Path(folder)))
-                except LrmError as error:
-                    print(f"{seed} {case.name}: {error}", flush=True)
-                    continue
-            print(f"{seed} {case.name}: " + " ".join(f"{key} {z:+.1f}" for _, key, z in rows), flush=True)
-            for effect, _, z in rows:
-                found[effect].append(z)
+    for rows in run_cases(cases, partial(examine, options.poses), line, options.jobs).values():
+        for effect, _, z in () if isinstance(rows, str) else rows:
+            found[effect].append(z)
     for effect, every in sorted(found.items()):
         held = f"{(np.abs(every) < TWO_SIDED_95).sum()} of {len(every)} hold the truth"
         print(f"{effect}: {held}; RMS of z {np.sqrt(np.mean(np.square(every))):.2f}")

@@ -9,6 +9,7 @@ from lrm_math.effects.reference import EffectRef
 from validation.hidden_effects.case import MEMORY_BLIND, Case
 from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE
 from validation.hidden_effects.outcome import FLOOR_MM, NEAR_FLOOR, NEAR_NOISE, NOTHING_MISSING, UNEXPLAINED, Outcome
+from validation.tables import markdown_table, share, spread, table
 
 KINDS = {
     "one effect": SINGLE,
@@ -21,30 +22,6 @@ ENDINGS = (NOTHING_MISSING, UNEXPLAINED, "failed")
 TITLE = "# Other forms than the catalogue's: what `auto` ends with"
 Found = Sequence[Outcome]
 Columns = Mapping[str, Callable[[Found], str]]
-
-
-def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def share(flags: Iterable[bool]) -> str:
-    """Count and percentage."""
-    values = list(flags)
-    return f"{sum(values)} ({100.0 * sum(values) / len(values):.0f} %)"
-
-
-def spread(values: Iterable[float | None], digits: int) -> str:
-    """Median (worst) of what is known."""
-    known = sorted(value for value in values if value is not None)
-    return f"{known[len(known) // 2]:.{digits}f} ({known[-1]:.{digits}f})" if known else "–"
-
-
-def table(first: str, groups: Mapping[str, Found], columns: Columns) -> str:
-    """A row for each group in which there is something."""
-    rows = [(name, *(of(found) for of in columns.values())) for name, found in groups.items() if found]
-    return markdown_table((first, *columns), rows)
 
 
 def by_case(outcomes: Found) -> dict[str, Found]:

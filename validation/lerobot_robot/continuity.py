@@ -14,7 +14,7 @@ from lerobot_robot_lrm.bounded import BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import EffectRef, ParameterRef, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
@@ -30,6 +30,8 @@ SIZES = {
 """Standard deviations of hidden parameters by the end of their key (SI); other angles of a placement, see `TWIST`."""
 TWIST = 0.006
 """rad: 5 mrad and more of twist between axes are usual."""
+HELD = {EffectRef("offsets", "base"), EffectRef("offsets", "tool")}
+"""Where the arm and the tool are mounted: known."""
 POSITIVE = {"k_rad_per_Nm", "k_x_rad_per_Nm", "k_y_rad_per_Nm", "b_rad"}
 WHERE = (("servo_gain", 0.7), ("backlash", 0.5), ("hysteresis", 0.5), ("friction_curve", 0.3))
 """Effects that some joint has, with what probability."""
@@ -56,9 +58,10 @@ class PathFigures:
 def random_model(arm: Arm, rng: np.random.Generator) -> Model:
     """A model with offsets, twists and springs, and on random joints gains, backlash, hysteresis and friction."""
     names = ["offsets", "compliance", *(["base_compliance"] if rng.random() < 0.5 else [])]
-    names += [f"{name}@joint{rng.integers(1, arm.dof + 1)}" for name, share in WHERE if rng.random() < share]
+    chosen = (name for name, share in WHERE if rng.random() < share)
+    names += [str(EffectRef(name, f"joint{rng.integers(1, arm.dof + 1)}")) for name in chosen]
     effects = [effect for name in names for effect in effects_at(arm, name)]
-    keys = [key for effect in effects for key in effect.keys if not key.startswith(("offsets.base", "offsets.tool"))]
+    keys = [key for effect in effects for key in effect.keys if ParameterRef.parse(key).effect not in HELD]
     return model_of(arm, effects, {key: _value(key, rng) for key in keys if _size(key)})
 
 
@@ -97,10 +100,10 @@ def followed_without_bounds(made: Correction, path: Array) -> Array | None:
     return np.array(sent)
 
 
-def figures(values: Sequence[float]) -> str:
+def figures(values: Sequence[float]) -> tuple[str, ...]:
     """RMS, median, 90th percentile and greatest of errors (mm)."""
     x = np.array(values)
-    return f"{np.sqrt((x**2).mean()):.2f} | {np.median(x):.3f} | {np.percentile(x, 90):.2f} | {x.max():.1f}"
+    return f"{np.sqrt((x**2).mean()):.2f}", f"{np.median(x):.3f}", f"{np.percentile(x, 90):.2f}", f"{x.max():.1f}"
 
 
 def _add_step(made: Correction, before: BoundedCommand, answer: BoundedCommand, found: PathFigures) -> None:
@@ -114,10 +117,10 @@ def _add_step(made: Correction, before: BoundedCommand, answer: BoundedCommand, 
 
 
 def _size(key: str) -> float:
-    end = key.rpartition(".")[2]
-    return SIZES.get(end, TWIST if key.startswith("offsets") and end.endswith("_rad") else 0.0)
+    effect, _, name = ParameterRef.parse(key)
+    return SIZES.get(name, TWIST if effect == "offsets" and name.endswith("_rad") else 0.0)
 
 
 def _value(key: str, rng: np.random.Generator) -> float:
     value = float(rng.normal(0.0, _size(key)))
-    return abs(value) if key.rpartition(".")[2] in POSITIVE else value
+    return abs(value) if ParameterRef.parse(key).name in POSITIVE else value

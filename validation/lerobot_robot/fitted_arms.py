@@ -14,6 +14,7 @@ import lrm_ident as lrm
 from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.arrays import Array
+from lrm_math.effects import EffectRef
 from lrm_math.errors import LrmError
 from validation.synthetic import (
     ArmDescription,
@@ -94,7 +95,7 @@ def _hidden(description: ArmDescription, rng: np.random.Generator) -> tuple[Grou
         names.append(f"backlash@joint{play}")
     if rng.random() < 0.5:
         effects.append(FrictionLag(friction, float(rng.uniform(0.3, 2.0)) * DEG, float(rng.uniform(1.0, 10.0)) * DEG))
-        names.append(f"{rng.choice(['friction_curve', 'hysteresis'])}@joint{friction}")
+        names.append(str(EffectRef(str(rng.choice(["friction_curve", "hysteresis"])), f"joint{friction}")))
     truth = replace(
         GroundTruth.nominal(description),
         deviations=Deviations.named(joints, errors),

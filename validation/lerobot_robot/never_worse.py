@@ -8,8 +8,9 @@ of the independent generator, whose tip is the judge then.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,13 +19,15 @@ from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import EffectRef, ParameterRef, effects_at
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
-from validation.lerobot_robot.continuity import random_model
+from validation.lerobot_robot.continuity import HELD, random_model
 from validation.lerobot_robot.fitted_arms import fitted_arms
 from validation.options import asked
+from validation.runner import run_cases
+from validation.tables import markdown_table, table_row
 
 WORSE, LEAST_M = 1.05, 1e-5
 """The law: corrected ≤ 1.05 · uncorrected, and what a solver leaves."""
@@ -53,10 +56,10 @@ class RestErrors:
 def lagging_model(arm: Arm, rng: np.random.Generator) -> Model:
     """A model with play and friction on most joints, all of it lagging, and on half of the arms offsets and springs."""
     names = ["offsets", "compliance"] if rng.random() < 0.5 else ["compliance"]
-    names += [f"{name}@{joint}" for joint in arm.joint_names for name in DIRECTED if rng.random() < 0.4]
+    names += [str(EffectRef(name, joint)) for joint in arm.joint_names for name in DIRECTED if rng.random() < 0.4]
     whole = random_model(arm, rng)
     effects = [effect for name in names for effect in effects_at(arm, name)]
-    keys = [key for effect in effects for key in effect.keys if not key.startswith(("offsets.base", "offsets.tool"))]
+    keys = [key for effect in effects for key in effect.keys if ParameterRef.parse(key).effect not in HELD]
     known = dict(zip(whole.keys, whole.values.tolist(), strict=True))
     values = {
         key: known[key] if key in known else 0.01 * float(rng.normal())
@@ -68,7 +71,7 @@ def lagging_model(arm: Arm, rng: np.random.Generator) -> Model:
 
 def as_lag(model: Model) -> Model:
     """A model whose friction lags, however it was drawn."""
-    ends = [key.rpartition(".")[2] for key in model.keys]
+    ends = [ParameterRef.parse(key).name for key in model.keys]
     values = zip(ends, model.values.tolist(), strict=True)
     return model.with_values([-abs(x) if end in LAGGING else abs(x) if end == "b_rad" else x for end, x in values])
 
@@ -120,9 +123,20 @@ def fitted_rests(arm: str, models: int, count: int) -> Iterator[RestErrors]:
             yield RestErrors(kind, *errors)
 
 
-def row(name: str, found: list[RestErrors]) -> str:
-    """A row of the table."""
-    cells = []
+DRAWN = {"lagging": lagging_model, "either sign": random_model}
+"""Ways to draw a model."""
+
+
+def exact_rests(models: int, count: int, case: tuple[str, str]) -> list[RestErrors]:
+    """Errors at the rests of random exact models, by the name of an arm and of how its models are drawn."""
+    name, drawn = case
+    arm = load_arm(name)
+    made = (Correction.of(DRAWN[drawn](arm, np.random.default_rng([1, seed]))) for seed in range(models))
+    return [rest for seed, correction in enumerate(made) for rest in rests(correction, seed, count)]
+
+
+def cells(found: Sequence[RestErrors]) -> Iterator[str]:
+    """A line of the table."""
     for kind in KINDS:
         own = [each for each in found if each.kind == kind]
         rms = [
@@ -131,24 +145,22 @@ def row(name: str, found: list[RestErrors]) -> str:
         ]
         worse = [each for each in own if each.worse]
         most = max((1e3 * (each.corrected - each.uncorrected) for each in worse), default=0.0)
-        cells.append(f"{rms[0]:.2f} → {rms[1]:.2f} | {len(worse)} of {len(own)} | {most:.2f}")
-    return f"| {name} | {' | '.join(cells)} |"
+        yield from (f"{rms[0]:.2f} → {rms[1]:.2f}", f"{len(worse)} of {len(own)}", f"{most:.2f}")
 
 
 def main() -> None:
     """Prints the table."""
-    chosen = asked(__doc__, models=20, rests=30, fitted=(8, "models that are fitted to hidden arms"))
-    print("| models | " + " | ".join(f"{kind}: RMS (mm) | worse | by at most (mm)" for kind in KINDS) + " |")
-    print("|---" * (1 + 3 * len(KINDS)) + "|")
-    for name in ("so101", "lrm-rover"):
-        for words, draw in (("lagging", lagging_model), ("either sign", random_model)):
-            arm, found = load_arm(name), list[RestErrors]()
-            for seed in range(chosen.models):
-                made = Correction.of(draw(arm, np.random.default_rng([1, seed])))
-                found += rests(made, seed, chosen.rests)
-            print(row(f"{name}, exact, {words}", found), flush=True)
+    chosen = asked(__doc__, models=20, rests=30, fitted=(8, "models that are fitted to hidden arms"), jobs=1)
+    cases = {f"{name}, exact, {drawn}": (name, drawn) for name in ("so101", "lrm-rover") for drawn in DRAWN}
+    found = run_cases(cases, partial(exact_rests, chosen.models, chosen.rests), _line, chosen.jobs)
     if chosen.fitted:
-        print(row("so101, fitted", list(fitted_rests("so101", chosen.fitted, chosen.rests))), flush=True)
+        found["so101, fitted"] = list(fitted_rests("so101", chosen.fitted, chosen.rests))
+    head = (f"{kind}{what}" for kind in KINDS for what in (": RMS (mm)", ": worse", ": by at most (mm)"))
+    print(markdown_table(("models", *head), [(name, *cells(some)) for name, some in found.items()]))
+
+
+def _line(key: str, found: Sequence[RestErrors]) -> str:
+    return table_row((key, *cells(found)))
 
 
 def _goal(made: Correction, kind: str, q: Array, rng: np.random.Generator) -> Array:
@@ -180,7 +192,7 @@ def _moves(q: Array, goal: Array) -> Array:
 
 
 def _of_motion(key: str) -> bool:
-    return key.rpartition(".")[2] in (*LAGGING, "b_rad", "k_rad_per_Nm")
+    return ParameterRef.parse(key).name in (*LAGGING, "b_rad", "k_rad_per_Nm")
 
 
 if __name__ == "__main__":

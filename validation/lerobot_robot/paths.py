@@ -6,43 +6,64 @@ those of the hidden arm at the ends of some paths: with the wish itself sent, co
 
 from __future__ import annotations
 
-import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from validation.lerobot_robot.continuity import PathFigures, figures, follow, followed_without_bounds, random_path
 from validation.lerobot_robot.fitted_arms import FittedArm, fitted_arms
+from validation.options import asked
+from validation.runner import run_cases
+from validation.tables import markdown_table, table_row
 
 ARMS = ("so101", "lrm-rover", str(Path(__file__).parents[1] / "hidden_effects" / "arms" / "seven-joint.toml"))
 RESTS = 10
 """The true arm is asked at the end of every tenth path: that takes longer than the path."""
 
 
+COLUMNS = (
+    *("arm", "models", "paths", "commands", "ratio", "of joints without direction"),
+    *("largest step (deg)", "farthest (deg)", "bound bit"),
+    *("rests (mm): wish sent, RMS", "median", "90 %", "worst"),
+    *(f"{way}, {what}" for way in ("no bounds", "bounded") for what in ("RMS", "median", "90 %", "worst")),
+)
+
+
 def main() -> None:
     """Prints a row for each arm."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--models", type=int, default=200, help="of all arms together")
-    parser.add_argument("--paths", type=int, default=10_000, help="of all arms together")
-    parser.add_argument("--arm", choices=ARMS, action="append", help="only this one; may be repeated")
-    chosen = parser.parse_args()
+    chosen = asked(
+        __doc__,
+        models=(200, "of all arms together"),
+        paths=(10_000, "of all arms together"),
+        arm=([*ARMS], "only these", ARMS),
+        jobs=1,
+    )
     models = -(-chosen.models // len(ARMS))
     each = -(-chosen.paths // (len(ARMS) * models))
-    print(
-        "| arm | models | paths | commands | ratio | of joints without direction | largest step (deg) | farthest (deg)"
-        " | bound bit | rests (mm): wish sent, RMS, median, 90 %, worst | corrected, no bounds | bounded |"
-    )
-    print(f"|{'---|' * 12}")
-    for name in chosen.arm or ARMS:
-        rng, found = np.random.default_rng(57), PathFigures()
-        for fitted in fitted_arms(name, models):
-            for number in range(each):
-                _follow(fitted, rng, found, number % RESTS == 0)
-        angles = " | ".join(f"{np.degrees(x):.1f}" for x in (found.largest_step, found.farthest))
-        ratios = f"{found.ratio:.1f} | {found.undirected_ratio:.2f}"
-        counts = f"{Path(name).stem} | {models} | {models * each} | {found.steps}"
-        rests = " | ".join(figures(errors) for errors in (found.without, found.unbounded, found.left))
-        print(f"| {counts} | {ratios} | {angles} | {found.bounded} | {rests} |", flush=True)
+    found = run_cases({name: name for name in chosen.arm}, partial(followed, models, each), _line, chosen.jobs)
+    rows = [(Path(name).stem, models, models * each, *row(one)) for name, one in found.items()]
+    print(markdown_table(COLUMNS, rows))
+
+
+def followed(models: int, each: int, arm: str) -> PathFigures:
+    """Figures of so many models of an arm, with so many paths each."""
+    rng, found = np.random.default_rng(57), PathFigures()
+    for fitted in fitted_arms(arm, models):
+        for number in range(each):
+            _follow(fitted, rng, found, number % RESTS == 0)
+    return found
+
+
+def row(found: PathFigures) -> tuple[object, ...]:
+    """Cells of the figures."""
+    angles = (f"{np.degrees(x):.1f}" for x in (found.largest_step, found.farthest))
+    rests = (cell for errors in (found.without, found.unbounded, found.left) for cell in figures(errors))
+    return found.steps, f"{found.ratio:.1f}", f"{found.undirected_ratio:.2f}", *angles, found.bounded, *rests
+
+
+def _line(arm: str, found: PathFigures) -> str:
+    return table_row((Path(arm).stem, *row(found)))
 
 
 def _follow(fitted: FittedArm, rng: np.random.Generator, found: PathFigures, rests: bool) -> None:

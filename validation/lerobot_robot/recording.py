@@ -42,6 +42,7 @@ from validation.lerobot_robot.closed_loop import both_sides
 from validation.lerobot_robot.fitted_model import fit_hidden
 from validation.lerobot_robot.simulated_follower import MOTORS, ROBOT_ID, Parsed, with_retries
 from validation.synthetic import GroundTruth, load_arm, random_poses, true_state
+from validation.tables import markdown_table, table_row
 
 FPS, MOVE, STOP = 10, 8, 8
 """Frames a second; frames of a move and of a stop."""
@@ -207,8 +208,7 @@ def main() -> None:
     logging.getLogger().setLevel(logging.ERROR)
     feetech.patch_setPacketTimeout = _patient
     print(f"LeRobot {lerobot.__version__}, Python {sys.version.split()[0]}")
-    print("| arm | way | tip at goals: RMS (mm) | worst (mm) | recorded frames, by checkup |")
-    print("|---|---|---|---|---|")
+    print(markdown_table(("arm", "way", "tip at goals: RMS (mm)", "worst (mm)", "recorded frames, by checkup"), ()))
     for prefixes in (("",), ("left_", "right_")):
         with tempfile.TemporaryDirectory(prefix="lrm-") as name, simulated_arms(Path(name), prefixes) as arms:
             for way in WAYS:
@@ -217,7 +217,7 @@ def main() -> None:
                     far = 1e3 * np.linalg.norm(off, axis=1)
                     what = arm.prefix.strip("_") or "one"
                     rms, says = float(np.sqrt(np.mean(far**2))), _checkup(dataset, arm.prefix)
-                    print(f"| {what} | {way} | {rms:.2f} | {far.max():.2f} | {says} |", flush=True)
+                    print(table_row((what, way, f"{rms:.2f}", f"{far.max():.2f}", says)), flush=True)
             print(f"\n{_refusal(Path(name), arms)}\n", flush=True)
 
 

@@ -14,11 +14,12 @@ from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.moves import moves_of
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import EffectRef
+from lrm_math.effects import EffectRef, ParameterRef
 from validation.lerobot_dataset import Recording, write_dataset
 from validation.motion.cases import FIRST, LATER, MotionCase, arm_of, truth_of
 from validation.motion.world import TrueJoints, recorded
 from validation.options import asked
+from validation.runner import run_cases
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
     study = start.auto()
     judged = study.judged()
     place = f"joint{joint + 1}"
-    right = {f"{kind}@{place}" for kind in case.true}
+    right = {str(EffectRef(kind, place)) for kind in case.true}
     named = tuple(one.effect.name for one in judged if one.identified)
     rest = tuple(
         f"{one.effect.name}: {one.kind}{' or ' + ', '.join(one.rivals) if one.rivals else ''}"
@@ -79,9 +80,8 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
     off = {}
     for key, value in truth_of(case, arm, joint).items():
         if key in study.model.values and study.model.sigma.get(key, 0.0) > 0.0:
-            kind, where, _ = key.split(".")
-            sound = where != place or right & {effect.name for effect in study.model.added}
-            if sound and EffectRef.parse(f"{kind}@{where}"):
+            where = ParameterRef.parse(key).place
+            if where != place or right & {effect.name for effect in study.model.added}:
                 off[key] = (study.model.values[key] - value) / study.model.sigma[key]
     before = start.fits[joint].held_out_rms
     degrees = [float(np.degrees(value)) for value in (before, after, noise)]
@@ -89,43 +89,57 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
     return MotionOutcome(case.name, joint + 1, named, rest, verdict, degrees[0], degrees[1], degrees[2], off, seconds)
 
 
+def examine(task: tuple[str, TrueJoints, int, Recording]) -> MotionOutcome:
+    """The answer to a case by its name; its arm, the joint and the recording, as `answered` takes them."""
+    name, arm, joint, made = task
+    return answered(next(case for case in (*FIRST, *LATER) if case.name == name), arm, joint, made)
+
+
+def line(_key: str, one: MotionOutcome) -> str:
+    """Progress in one line."""
+    return (
+        f"{one.case:20} joint{one.joint} {one.verdict:7} {one.before:.3f} -> {one.after:.3f} deg "
+        f"(noise {one.noise:.3f}), 95 % intervals {one.inside[0]}/{one.inside[1]}, {one.seconds:.0f} s: "
+        f"{', '.join(one.named) or 'no cause identified'} | {'; '.join(one.rest) or '-'}"
+    )
+
+
 def main() -> None:
-    """Makes the recordings of all cases at once, and answers one after the other."""
+    """Makes the recordings of all cases at once, answers them, and prints the answers."""
     given = asked(
         __doc__,
         seed=0,
         only=("", "first, later, or a part of a case's name"),
         json=None,
         write=(None, "only write the recording of the first chosen case, as a dataset"),
+        jobs=1,
     )
-    written = [("first", case) for case in FIRST] + [("later", case) for case in LATER]
-    chosen = [(when, case) for when, case in written if given.only in ("", when) or given.only in case.name]
+    written = {case.name: when for when, cases in (("first", FIRST), ("later", LATER)) for case in cases}
+    chosen = [case for case in (*FIRST, *LATER) if given.only in ("", written[case.name]) or given.only in case.name]
     rng = np.random.default_rng(given.seed)
     if given.write:
-        arm, joint = arm_of(chosen[0][1], rng)
+        arm, joint = arm_of(chosen[0], rng)
         write_dataset(given.write, recorded([arm], rng)[0], "v3.0")
-        print(f"{chosen[0][1].name} in joint {joint + 1}, written to {given.write}")
+        print(f"{chosen[0].name} in joint {joint + 1}, written to {given.write}")
         return
-    arms = [arm_of(case, rng) for _, case in chosen]
-    found = []
-    for (when, case), (arm, joint), made in zip(chosen, arms, recorded([arm for arm, _ in arms], rng), strict=True):
-        one = answered(case, arm, joint, made)
-        found.append((when, one))
-        print(
-            f"{when:6} {one.case:20} joint{one.joint} {one.verdict:7} {one.before:.3f} -> {one.after:.3f} deg "
-            f"(noise {one.noise:.3f}), 95 % intervals {one.inside[0]}/{one.inside[1]}, {one.seconds:.0f} s: "
-            f"{', '.join(one.named) or 'no cause identified'} | {'; '.join(one.rest) or '-'}",
-            flush=True,
-        )
-    verdicts = Counter(one.verdict for _, one in found)
-    held, of = (sum(one.inside[k] for _, one in found) for k in (0, 1))
+    arms = [arm_of(case, rng) for case in chosen]
+    made = recorded([arm for arm, _ in arms], rng)
+    tasks = {
+        case.name: (case.name, arm, joint, recording)
+        for case, (arm, joint), recording in zip(chosen, arms, made, strict=True)
+    }
+    found = run_cases(tasks, examine, line, given.jobs)
+    for name, one in found.items():
+        print(f"{written[name]:6} {line(name, one)}")
+    verdicts = Counter(one.verdict for one in found.values())
+    held, of = (sum(one.inside[k] for one in found.values()) for k in (0, 1))
     print(f"{dict(verdicts)}; 95 % intervals that hold the truth: {held} of {of}")
-    for name, offs in by_parameter([one for _, one in found]).items():
+    for name, offs in by_parameter([*found.values()]).items():
         print(
             f"  {name:28} {int(np.sum(np.abs(offs) <= 1.96)):3} of {len(offs):3}, farthest {np.max(np.abs(offs)):.1f}"
         )
     if given.json:
-        cases = [{"written": when, **asdict(one), "inside": one.inside} for when, one in found]
+        cases = [{"written": written[name], **asdict(one), "inside": one.inside} for name, one in found.items()]
         given.json.write_text(json.dumps({"seed": given.seed, "cases": cases}, indent=1) + "\n")
 
 
@@ -134,7 +148,7 @@ def by_parameter(found: list[MotionOutcome]) -> dict[str, list[float]]:
     out: dict[str, list[float]] = {}
     for one in found:
         for key, off in one.off.items():
-            kind, _, parameter = key.split(".")
+            kind, _, parameter = ParameterRef.parse(key)
             out.setdefault(f"{kind}.{parameter}", []).append(off)
     return out
 

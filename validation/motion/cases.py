@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from lrm_math.effects import ParameterRef
 from validation.motion.world import TrueJoints
 from validation.synthetic.screws import Array
 
@@ -21,14 +22,14 @@ class MotionCase:
     Attributes:
         name: of the case. hide: changes the joints of an arm at one joint. joints: where it may hide, from 0.
         true: ids of effects that are right names of it; none for what the catalogue lacks, and for an arm without any.
-        known: true value of a parameter of the effect (SI), read back from the arm: `id.parameter`.
+        known: id of the effect, its parameter, and where its true value (SI) is read back from the arm.
     """
 
     name: str
     hide: Callable[[TrueJoints, int, np.random.Generator], None]
     joints: tuple[int, ...] = (0, 1, 2, 3, 4)
     true: tuple[str, ...] = ()
-    known: tuple[tuple[str, str], ...] = ()
+    known: tuple[tuple[str, str, str], ...] = ()
 
 
 def _put(name: str, low: float, high: float) -> Callable[[TrueJoints, int, np.random.Generator], None]:
@@ -57,23 +58,23 @@ def _nothing(arm: TrueJoints, joint: int, rng: np.random.Generator) -> None:
 
 FIRST = (
     MotionCase(
-        "dead time", _put("dead_time", 0.02, 0.08), true=("dead_time",), known=(("dead_time.t_s", "dead_time"),),
+        "dead time", _put("dead_time", 0.02, 0.08), true=("dead_time",), known=(("dead_time", "t_s", "dead_time"),),
     ),
     MotionCase(
-        "speed limit", _put("speed", 0.6, 1.5), true=("speed_limit",), known=(("speed_limit.v_rad_per_s", "speed"),),
+        "speed limit", _put("speed", 0.6, 1.5), true=("speed_limit",), known=(("speed_limit", "v_rad_per_s", "speed"),),
     ),
     MotionCase(
         "gravity sag", _put("compliance", 0.02, 0.06), (1, 2), ("gravity_sag", "inertial_coupling", "link_inertia"),
-        (("gravity_sag.k_rad_per_Nm", "compliance"),),
+        (("gravity_sag", "k_rad_per_Nm", "compliance"),),
     ),
     MotionCase(
         "coulomb friction", _put("friction", 0.006, 0.03), true=("coulomb_friction",),
-        known=(("coulomb_friction.c_rad", "friction"),),
+        known=(("coulomb_friction", "c_rad", "friction"),),
     ),
-    MotionCase("play", _put("play", 0.01, 0.05), true=("motion_play",), known=(("motion_play.b_rad", "play"),)),
+    MotionCase("play", _put("play", 0.01, 0.05), true=("motion_play",), known=(("motion_play", "b_rad", "play"),)),
     MotionCase(
         "swing", _swing, true=("swing",),
-        known=(("swing.frequency_Hz", "second_hz"), ("swing.damping_ratio", "second_damping")),
+        known=(("swing", "frequency_Hz", "second_hz"), ("swing", "damping_ratio", "second_damping")),
     ),
     MotionCase("nothing", _nothing),
     MotionCase("nothing, again", _nothing),
@@ -83,19 +84,19 @@ FIRST = (
 LATER = (
     MotionCase(
         "acceleration limit", _put("acceleration", 5.0, 15.0), true=("acceleration_limit",),
-        known=(("acceleration_limit.a_rad_per_s2", "acceleration"),),
+        known=(("acceleration_limit", "a_rad_per_s2", "acceleration"),),
     ),
     MotionCase(
-        "saturated drive", _put("drive", 0.05, 0.12), true=("drive_limit",), known=(("drive_limit.e_rad", "drive"),)
+        "saturated drive", _put("drive", 0.05, 0.12), true=("drive_limit",), known=(("drive_limit", "e_rad", "drive"),)
     ),
     MotionCase(
         "velocity feedforward", _put("lead", 0.02, 0.06), true=("velocity_feedforward",),
-        known=(("velocity_feedforward.t_s", "lead"),),
+        known=(("velocity_feedforward", "t_s", "lead"),),
     ),
     MotionCase("links heavier than the motor", _linked, (1, 2), ("gravity_sag", "inertial_coupling", "link_inertia")),
     MotionCase(
         "load friction", _put("load_friction", 0.02, 0.06), (1, 2), ("load_friction",),
-        (("load_friction.m_rad_per_Nm", "load_friction"),),
+        (("load_friction", "m_rad_per_Nm", "load_friction"),),
     ),
     MotionCase("stick-slip", _stick_slip, true=("stribeck", "coulomb_friction")),
     MotionCase("nothing, later", _nothing),
@@ -118,7 +119,8 @@ def truth_of(case: MotionCase, arm: TrueJoints, joint: int) -> dict[str, float]:
     """True values (SI) by key `id.jointN.parameter`, those of the servo included where the cause leaves them so."""
     values: dict[str, Array] = {f.name: getattr(arm, f.name) for f in fields(TrueJoints)}
     out = {
-        f"{key.split('.')[0]}.joint{joint + 1}.{key.split('.')[1]}": float(values[of][joint]) for key, of in case.known
+        str(ParameterRef(kind, f"joint{joint + 1}", parameter)): float(values[of][joint])
+        for kind, parameter, of in case.known
     }
     for number in range(5):
         place = f"joint{number + 1}"

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +27,9 @@ from validation.newcomer_files.outcome import (
 )
 from validation.newcomer_files.readings import READINGS
 from validation.newcomer_files.recordings import recording
+from validation.options import asked
+from validation.runner import run_cases
+from validation.tables import markdown_table
 
 FITTED: dict[str, Change] = {**CHANGES, **READINGS}
 OTHERS: dict[str, Callable[[np.random.Generator], ChangeOutcome]] = {"recording": recording, "board": board}
@@ -37,31 +38,32 @@ KINDS = (*FITTED, *OTHERS)
 
 def main() -> None:
     """Reads the options, runs, prints."""
-    parser = argparse.ArgumentParser(prog="python -m validation.newcomer_files", description=__doc__)
-    parser.add_argument("--changes", type=int, default=2000, help="how many")
-    parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    options = parser.parse_args()
-    found = []
-    for outcome in run(range(options.first, options.first + options.changes)):
-        found.append(outcome)
-        if outcome.outcome in (SILENT, TRACEBACK, VAGUE):
-            far = "" if outcome.difference is None else f" ({outcome.difference:.3g})"
-            print(f"{outcome.outcome}{far}: {outcome.arm}: {outcome.what}: {outcome.said}", file=sys.stderr, flush=True)
-    print(table(found))
+    options = asked(__doc__, changes=(2000, "how many"), first=(0, "number of the first one"), jobs=1)
+    print(outcome_table(run(range(options.first, options.first + options.changes), options.jobs)))
 
 
-def run(numbers: range) -> Iterator[ChangeOutcome]:
+def run(numbers: Iterable[int], jobs: int = 1) -> list[ChangeOutcome]:
     """The outcomes of the changes of these numbers, each the same in every run."""
-    before = healthy_fits()
-    for number in numbers:
-        rng, kind = np.random.default_rng([number, 32]), KINDS[number % len(KINDS)]
-        if kind in OTHERS:
-            yield OTHERS[kind](rng)
-            continue
-        files, healthy = before[ARMS[number // len(KINDS) % len(ARMS)]]
-        yield classify(kind, FITTED[kind](files, rng), healthy)
+    return [*run_cases({str(number): number for number in numbers}, examine, line, jobs).values()]
 
 
+def examine(number: int) -> ChangeOutcome:
+    """The outcome of one change."""
+    rng, kind = np.random.default_rng([number, 32]), KINDS[number % len(KINDS)]
+    if kind in OTHERS:
+        return OTHERS[kind](rng)
+    files, healthy = healthy_fits()[ARMS[number // len(KINDS) % len(ARMS)]]
+    return classify(kind, FITTED[kind](files, rng), healthy)
+
+
+def line(_key: str, one: ChangeOutcome) -> str:
+    """One change; what was said, where the outcome is bad."""
+    far = "" if one.difference is None else f" ({one.difference:.3g})"
+    said = f": {one.said}" if one.outcome in (SILENT, TRACEBACK, VAGUE) else ""
+    return f"{one.outcome}{far}: {one.arm}: {one.what}{said}"
+
+
+@cache
 def healthy_fits() -> dict[str, tuple[NewcomerFiles, Array]]:
     """The files of each arm, and the predictions of the fit to them."""
     out = {}
@@ -74,15 +76,11 @@ def healthy_fits() -> dict[str, tuple[NewcomerFiles, Array]]:
     return out
 
 
-def table(found: list[ChangeOutcome]) -> str:
+def outcome_table(found: Sequence[ChangeOutcome]) -> str:
     """Counts by kind and outcome, as Markdown."""
-    counts = Counter((one.kind, one.outcome) for one in found)
-    totals = Counter(one.outcome for one in found)
-    lines = [f"| change | {' | '.join(OUTCOMES)} |", "|---" * (len(OUTCOMES) + 1) + "|"]
-    for kind in KINDS:
-        lines.append(f"| {kind} | {' | '.join(str(counts[kind, outcome]) for outcome in OUTCOMES)} |")
-    lines.append(f"| all {len(found)} | {' | '.join(str(totals[outcome]) for outcome in OUTCOMES)} |")
-    return "\n".join(lines)
+    groups = {kind: [one for one in found if one.kind == kind] for kind in KINDS} | {f"all {len(found)}": found}
+    rows = [(name, *(sum(one.outcome == of for one in some) for of in OUTCOMES)) for name, some in groups.items()]
+    return markdown_table(("change", *OUTCOMES), rows)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrm_ident.fitting.executors import executor_for
 from validation.hidden_effects.__main__ import run
 from validation.hidden_effects.case import (
     BLIND,
@@ -67,11 +66,11 @@ def main() -> None:
         poses=(300, "poses of each data set"),
         jobs=(1, "processes side by side"),
         out=FOLDER / NAME,
+        results=(None, "file of outcomes, which a later run goes on with"),
     )
     keys = [key for parts in CATALOGUES.values() for part in parts for key in PARTS[part]][:: options.every]
     tasks = [(key, seed, "") for key in keys for seed in range(options.seeds)]
-    with executor_for(None, most=options.jobs) as pool:
-        outcomes = run(tasks, options.poses, pool)
+    outcomes = run(tasks, options.poses, options.jobs, results=options.results)
     write(options.out, computed(COLUMNS, rows(outcomes)))
 
 

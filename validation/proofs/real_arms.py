@@ -7,8 +7,9 @@ poses. *As deployed*: the same of the model that goes to the arm, without what b
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import lrm_ident as lrm
@@ -16,7 +17,10 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import solve_equilibrium
+from validation.options import asked
 from validation.proofs.result_file import FOLDER, computed, write
+from validation.runner import run_cases
+from validation.tables import table_row
 
 NAME = "real-arms.json"
 COLUMNS = ("arm", "model", "poses", "parameters", "error of the fit, mm RMS", "held out, mm RMS", "as deployed, mm RMS")
@@ -33,16 +37,12 @@ MODELS: dict[str, Callable[[Measurements], Study]] = {
 }
 
 
-def lines(data: Path) -> Iterator[tuple[object, ...]]:
-    """A line for each arm and model."""
-    for name, (words, arm, reading) in SETS.items():
-        if not (data / name).exists():
-            continue
-        measured = lrm.load(data / name, arm=arm, reading=reading)
-        for model, made in MODELS.items():
-            line = (words, model, *_errors(made(measured), fitted=model != "nominal"))
-            print(*line, sep=" | ", flush=True)
-            yield line
+def examine(data: Path, which: tuple[str, str]) -> tuple[object, ...]:
+    """A line of the table, by the name of a data set and of a model."""
+    name, model = which
+    words, arm, reading = SETS[name]
+    measured = lrm.load(data / name, arm=arm, reading=reading)
+    return words, model, *_errors(MODELS[model](measured), fitted=model != "nominal")
 
 
 def _errors(study: Study, fitted: bool) -> tuple[object, ...]:
@@ -65,11 +65,12 @@ def _mm(metres: float) -> float:
 
 def main() -> None:
     """Writes the result."""
-    parser = argparse.ArgumentParser("python -m validation.proofs.real_arms", description=__doc__)
-    parser.add_argument("--data", type=Path, required=True, help="folder of the public data")
-    parser.add_argument("-o", "--out", type=Path, default=FOLDER / NAME)
-    options = parser.parse_args()
-    write(options.out, computed(COLUMNS, list(lines(options.data))))
+    options = asked(__doc__, data=(Path(), "folder of the public data"), jobs=(1, "processes"), out=FOLDER / NAME)
+    cases = {f"{name}, {model}": (name, model) for name in SETS if (options.data / name).exists() for model in MODELS}
+    if not cases:
+        sys.exit(f"none of {', '.join(SETS)} is in {options.data}; name their folder by --data")
+    found = run_cases(cases, partial(examine, options.data), lambda _, line: table_row(line), options.jobs)
+    write(options.out, computed(COLUMNS, [*found.values()]))
 
 
 if __name__ == "__main__":

@@ -7,29 +7,31 @@ numbers, code and words with capitals do not count.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
+from validation.options import asked
 from validation.readability.measures import SentenceStatistics, counts
 from validation.readability.texts import helps, pages, verdicts
+from validation.tables import markdown_table
+
+COLUMNS = "texts", "sentences", "words a sentence: median", "95 %", "longest", "passive", "rare words", "over 35 words"
 
 
-def row(name: str, found: SentenceStatistics) -> str:
+def row(name: str, found: SentenceStatistics) -> tuple[object, ...]:
     """A row of the table."""
     rare = "–" if found.rare_share is None else f"{100 * found.rare_share:.1f} %"
-    return (
-        f"| {name} | {found.sentences} | {found.median:.0f} | {found.p95:.0f} | {found.longest} | "
-        f"{100 * found.passive_share:.0f} % | {rare} | {len(found.too_long)} |"
-    )
+    lengths = (f"{found.median:.0f}", f"{found.p95:.0f}", found.longest)
+    return name, found.sentences, *lengths, f"{100 * found.passive_share:.0f} %", rare, len(found.too_long)
 
 
 def main() -> None:
     """Prints the table, then the long sentences, then the most frequent rare words if they are wanted."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tree", type=Path, default=Path(), help="a checkout of this project; default: this one")
-    parser.add_argument("--without-verdicts", action="store_true", help="leave out what takes a minute")
-    parser.add_argument("--rare", action="store_true", help="also print the most frequent rare words")
-    options = parser.parse_args()
+    options = asked(
+        __doc__,
+        tree=(Path(), "a checkout of this project; default: this one"),
+        without_verdicts=(False, "leave out what takes a minute"),
+        rare=(False, "also print the most frequent rare words"),
+    )
     tree = options.tree.resolve()
     docs = pages(tree)
     parts = {
@@ -38,9 +40,7 @@ def main() -> None:
         "help": counts(helps(tree)),
         **({} if options.without_verdicts else {"verdicts": counts(verdicts(tree))}),
     }
-    print("| texts | sentences | words a sentence: median | 95 % | longest | passive | rare words | over 35 words |")
-    print("|---|---|---|---|---|---|---|---|")
-    print(*(row(name, part) for name, part in parts.items()), sep="\n")
+    print(markdown_table(COLUMNS, [row(name, part) for name, part in parts.items()]))
     for name, part in parts.items():
         print(f"\n{name}, over 35 words:" if part.too_long else "", end="")
         print(*(f"\n  {s.source}:{s.line} ({len(s.words)}) {s.text[:90]}…" for s in part.too_long), sep="")

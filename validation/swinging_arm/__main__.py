@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -18,36 +18,35 @@ from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, PredictedSettling
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arrays import Array
+from validation.options import asked
+from validation.runner import run_cases
 from validation.swinging_arm.rig import SwingingRover, tip_of
+from validation.tables import markdown_table, table_row
 
 DWELL_S = 1.0
 
 
-def campaign_table(pwm: list[float], poses: int, frames: bool, only: str) -> list[dict[str, object]]:
-    """Prints time and error of a campaign with a fixed pause, by the model, and with half a second only."""
-    out: list[dict[str, object]] = []
-    for hz in pwm:
-        for name, kind, timing in (
-            ("pause 15 s", "off", PoseTiming(15.0, 0.5, DWELL_S)),
-            ("settle auto", "off", PredictedSettling(0.0, 0.0, DWELL_S)),
-            ("settle auto, zv", "zv", PredictedSettling(0.0, 0.0, DWELL_S)),
-            ("settle auto, timed", "timed", PredictedSettling(0.0, 0.0, DWELL_S)),
-            ("settle 0.5 s", "off", PoseTiming(0.0, 0.5, DWELL_S)),
-        ):
-            if only not in name:
-                continue
-            rover = SwingingRover(hz, kind, 0.1, dead_band=0.0, in_frames=frames)
-            rng = np.random.default_rng(5)
-            plan = [PlannedPose(k + 1, tuple(rng.uniform(-1.0, 1.0, 6).tolist()), 0.0, (), k + 1) for k in range(poses)]
-            seconds, errors = measured(rover, plan, timing)
-            rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-            print(
-                f"{hz:5.0f} Hz {name:20} {seconds:5.0f} s, {len(errors)} poses, error {1e3 * rms:.3f} mm RMS, largest "
-                f"{1e3 * np.linalg.norm(errors, axis=1).max():.3f}",
-                flush=True,
-            )
-            out.append({"pwm_hz": hz, "frames": frames, "timing": name, "seconds": seconds, "error_rms_mm": 1e3 * rms})
-    return out
+TIMINGS: dict[str, tuple[str, PoseTiming]] = {
+    "pause 15 s": ("off", PoseTiming(15.0, 0.5, DWELL_S)),
+    "settle auto": ("off", PredictedSettling(0.0, 0.0, DWELL_S)),
+    "settle auto, zv": ("zv", PredictedSettling(0.0, 0.0, DWELL_S)),
+    "settle auto, timed": ("timed", PredictedSettling(0.0, 0.0, DWELL_S)),
+    "settle 0.5 s": ("off", PoseTiming(0.0, 0.5, DWELL_S)),
+}
+"""By name: shaping of the moves, and when a pose is measured: after a fixed pause, by the model, at once."""
+
+
+def examine(poses: int, frames: bool, case: tuple[float, str]) -> dict[str, object]:
+    """Time and error of a campaign, by the frequency of the pulses (Hz) and the name of its timing."""
+    hz, name = case
+    kind, timing = TIMINGS[name]
+    rover = SwingingRover(hz, kind, 0.1, dead_band=0.0, in_frames=frames)
+    rng = np.random.default_rng(5)
+    plan = [PlannedPose(k + 1, tuple(rng.uniform(-1.0, 1.0, 6).tolist()), 0.0, (), k + 1) for k in range(poses)]
+    seconds, errors = measured(rover, plan, timing)
+    rms, most = np.sqrt(np.mean(np.sum(errors**2, axis=1))), np.linalg.norm(errors, axis=1).max()
+    figures = {"seconds": seconds, "error_rms_mm": 1e3 * float(rms), "error_max_mm": 1e3 * float(most)}
+    return {"pwm_hz": hz, "frames": frames, "timing": name, "poses": len(errors), **figures}
 
 
 def measured(rover: SwingingRover, plan: list[PlannedPose], timing: PoseTiming) -> tuple[float, Array]:
@@ -66,18 +65,40 @@ def measured(rover: SwingingRover, plan: list[PlannedPose], timing: PoseTiming) 
     return seconds, np.asarray(data.tcp - tip_of(rover.arm, np.array(stands)))
 
 
+COLUMNS = {
+    "pulses, Hz": "{pwm_hz:.0f}",
+    "timing": "{timing}",
+    "s": "{seconds:.0f}",
+    "poses": "{poses}",
+    "error, mm RMS": "{error_rms_mm:.3f}",
+    "largest, mm": "{error_max_mm:.3f}",
+}
+
+
 def main() -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--poses", type=int, default=60)
-    parser.add_argument("--pwm", type=float, nargs="+", default=[50.0])
-    parser.add_argument("--frames", action="store_true", help="servos see new pulses at the board's frames only")
-    parser.add_argument("--only", default="", metavar="WORD", help="only rows with this word in their name")
-    parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
-    found = campaign_table(given.pwm, given.poses, given.frames, given.only)
+    given = asked(
+        __doc__,
+        poses=60,
+        pwm=[50.0],
+        frames=(False, "servos see new pulses at the board's frames only"),
+        only=("", "only rows with this word in their name"),
+        json=None,
+        jobs=1,
+    )
+    cases = {f"{hz:g} Hz, {name}": (hz, name) for hz in given.pwm for name in TIMINGS if given.only in name}
+    found = [*run_cases(cases, partial(examine, given.poses, given.frames), _line, given.jobs).values()]
+    print(markdown_table([*COLUMNS], [_cells(one) for one in found]))
     if given.json:
         given.json.write_text(json.dumps(found, indent=1) + "\n")
+
+
+def _cells(one: dict[str, object]) -> list[str]:
+    return [how.format(**one) for how in COLUMNS.values()]
+
+
+def _line(_key: str, one: dict[str, object]) -> str:
+    return table_row(_cells(one))
 
 
 if __name__ == "__main__":

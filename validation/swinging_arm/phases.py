@@ -6,18 +6,17 @@
 The simulated rover (`lrmd.sim`: servos with a dead band, links on springs) makes every move at 12 phases at once. Of
 each shaper are printed: the swing, settling, how often `settle_s` is right within 20 % (or 0.1 s), and how often the
 best single number of each move is, which an oracle would choose that knows everything but the phase; and how often
-the tip has settled by `settle_95_s`. Figures of the first and second half of the moves stand apart: what was chosen by
-the first half is reported by the second.
+the tip has settled by `settle_s` and by `settle_95_s`. Figures of the first and second half of the moves stand apart:
+what was chosen by the first half is reported by the second.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +26,8 @@ from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.servo import LARGE_SERVO
 from lrmd.sim.swing import inertia
+from validation.options import asked
+from validation.runner import run_cases
 from validation.swinging_arm.rig import SPRINGS, SwingingRover, known_model, tip_of
 
 PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 10.0, 8, 50
@@ -114,36 +115,49 @@ def shaper_row(pwm_hz: float, kind: str, moves: int, clock: float, seed: int) ->
         predictor = MotionPredictor(replace(rover.config, motion=motion), known_model(rover.arm))
         told, sure = np.array([predictor.settling(leg) for _, leg in legs]).T
         true = settling_times(away, within)
-        held = (true <= sure[:, None] + STEP * EVERY).mean(axis=1)
+        usual, held = ((true <= of[:, None] + STEP * EVERY).mean(axis=1) for of in (told, sure))
         hits, best = hits_of(told[:, None], true).mean(axis=1), np.array([best_hit_rate(times) for times in true])
         row[f"within_{1e3 * within:g}_mm"] = {
             "settling_s": float(true.mean()), "settle_95_s": float(sure.mean()),
             "median_ratio": float(np.median(told[:, None] / np.maximum(true, 0.02))),
             **{
                 f"{name}_{half}": float(value[rows].mean())
-                for name, value in (("right", hits), ("permitted", best), ("settled_by_95", held))
+                for name, value in (
+                    ("right", hits), ("permitted", best), ("settled_by_usual", usual), ("settled_by_95", held),
+                )
                 for half, rows in (("first", slice(0, moves // 2)), ("second", slice(moves // 2, None)))
             },
         }  # fmt: skip
     return row
 
 
+def examine(moves: int, clock: float, seed: int, case: tuple[float, str]) -> dict[str, object]:
+    """The moves of one shaper, by the frequency of the pulses (Hz) and its kind."""
+    return shaper_row(*case, moves, clock, seed)
+
+
 def main() -> None:
     """Prints a row for each shaper."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--moves", type=int, default=100)
-    parser.add_argument("--pwm", type=float, nargs="+", default=[50.0], help="Hz, of the pulses")
-    parser.add_argument("--kinds", nargs="+", default=["off", "zvd", "timed"], help="of shaping")
-    parser.add_argument("--clock", type=float, default=0.0, help="relative error of the board's oscillator_hz")
-    parser.add_argument("--seed", type=int, default=3, help="of the moves")
-    parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
-    rows = []
-    for pwm_hz, kind in itertools.product(given.pwm, given.kinds):
-        rows.append(shaper_row(pwm_hz, kind, given.moves, given.clock, given.seed))
-        print(json.dumps(rows[-1]), flush=True)
+    given = asked(
+        __doc__,
+        moves=100,
+        pwm=([50.0], "Hz, of the pulses"),
+        kinds=(["off", "zvd", "timed"], "of shaping"),
+        clock=(0.0, "relative error of the board's oscillator_hz"),
+        seed=(3, "of the moves"),
+        json=None,
+        jobs=1,
+    )
+    cases = {f"{pwm:g} Hz, {kind}": (pwm, kind) for pwm, kind in itertools.product(given.pwm, given.kinds)}
+    found = run_cases(cases, partial(examine, given.moves, given.clock, given.seed), _line, given.jobs)
+    for row in found.values():
+        print(json.dumps(row))
     if given.json:
-        given.json.write_text(json.dumps(rows, indent=1) + "\n")
+        given.json.write_text(json.dumps([*found.values()], indent=1) + "\n")
+
+
+def _line(key: str, row: dict[str, object]) -> str:
+    return f"{key}: {row['swing_rms_mm']:.3f} mm RMS of swing"
 
 
 if __name__ == "__main__":

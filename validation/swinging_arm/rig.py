@@ -14,6 +14,7 @@ from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.arrays import Array
+from lrm_math.effects import EffectRef, ParameterRef
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
@@ -48,12 +49,12 @@ def known_model(arm: Arm) -> MotionModel:
     M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)
     model = MotionModel.nominal(arm)
     servo = {"frequency_Hz": SERVO_HZ, "damping_ratio": SERVO_RATIO, "b_rad": 0.0}
-    model = replace(model, values={key: servo[key.split(".")[-1]] for key in model.values})
+    model = replace(model, values={key: servo[ParameterRef.parse(key).name] for key in model.values})
     for place, spring in SPRINGS.items():
-        effect = effect_of(arm, f"swing@{place}")
+        effect = effect_of(arm, str(EffectRef("swing", place)))
         omega, J = np.sqrt(spring.stiffness / M[effect.joint]), M[effect.joint]
         own = dict(zip(effect.keys, (omega / 2.0 / np.pi, spring.damping / (2.0 * omega * J), 0.0), strict=True))
-        kept = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
+        kept = {key: v for key, v in model.values.items() if ParameterRef.parse(key).place == place}
         model = model.with_joint((*model.of_joint(effect.joint), effect), {**kept, **own}, {})
     return model
 

@@ -9,11 +9,12 @@ neither where a board nor where a tracker stands is known. Six arms are those of
 
 from __future__ import annotations
 
+import math
 import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,9 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation import synthetic
 from validation.options import asked
+from validation.runner import run_cases
 from validation.synthetic import Deviations, GroundTruth, HiddenEffect
+from validation.tables import markdown_table, table_row
 
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml"
 ARM = load_arm("so101")
@@ -284,32 +287,51 @@ def tracker_measurements(tips: Tips, seed: int, count: int, folder: Path) -> Mea
 
 @dataclass(frozen=True)
 class CalibrationOutcome:
-    """One arm: whether nothing wrong was named by sockets, and both errors of the tip (mm RMS)."""
+    """One arm: what `auto` adds by sockets, its verdict and whether the names are right, honest or wrong, what it adds
+    by a tracker, and both errors of the tip (mm RMS); or why there is no result."""
 
-    honest: bool
-    sockets_mm: float
-    tracker_mm: float
+    words: str
+    added: tuple[str, ...] = ()
+    verdict: str = ""
+    said: str = ""
+    by_tracker: tuple[str, ...] = ()
+    sockets_mm: float = math.nan
+    tracker_mm: float = math.nan
+    trouble: str = ""
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """A line of the table."""
+        if self.trouble:
+            return self.words, self.trouble, *[""] * (len(COLUMNS) - 3)
+        names = [", ".join(one) or "-" for one in (self.added, self.by_tracker)]
+        numbers = (f"{value:.2f}" for value in (self.sockets_mm, self.tracker_mm, self.sockets_mm / self.tracker_mm))
+        return self.words, f"{names[0]} ({self.verdict})", self.said, names[1], *numbers
 
 
-def calibrated_case(
-    touched_arm: Cause, tracked_arm: Cause, number: int, seed: int, most: int, counts: tuple[int, int]
-) -> CalibrationOutcome:
-    """Prints one row; counts are touches and the tracker's poses."""
-    tips, tracked_tips = touched_arm.tips(seed), tracked_arm.tips(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        added, verdict, study = identified(socket_measurements(tips, seed, counts[0], Path(folder)), most)
-        others, _, other = identified(tracker_measurements(tracked_tips, seed, counts[1], Path(folder)), most)
+COLUMNS = ("case", "hidden", "by sockets (verdict)", "name", "by tracker", "sockets mm", "tracker mm", "ratio")
+
+
+def calibrated_case(seed: int, most: int, counts: tuple[int, int], number: int) -> CalibrationOutcome:
+    """The case of a number from 1; counts are touches and the tracker's poses."""
+    touched_arm, tracked_arm = (cases(count)[number - 1] for count in counts)
+    tips, tracked_tips = touched_arm.tips(seed + number), tracked_arm.tips(seed + number)
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch)
+            touches = socket_measurements(tips, seed + number, counts[0], folder)
+            added, verdict, study = identified(touches, most)
+            others, _, other = identified(tracker_measurements(tracked_tips, seed + number, counts[1], folder), most)
+        errors = tip_error_mm(study, tips, seed + number), tip_error_mm(other, tracked_tips, seed + number)
+    except NoEquilibrium as error:
+        return CalibrationOutcome(touched_arm.words, trouble=str(error))
     first = added[0] if added else NOTHING
     found = effects_at(ARM, first) if first else ()
     forms = variants(found[0]) if found else ()
     named = bool({first, *forms} & {*touched_arm.right})
-    honest = named or not added or any(verdict == word for word in ("effect_describes", "unexplained_structure"))
-    result = CalibrationOutcome(honest, tip_error_mm(study, tips, seed), tip_error_mm(other, tracked_tips, seed))
+    honest = not added or any(verdict == word for word in ("effect_describes", "unexplained_structure"))
     said = "right" if named else "honest" if honest else "WRONG"
-    names = [", ".join(one) or "-" for one in (added, others)]
-    numbers = f"{result.sockets_mm:.2f} | {result.tracker_mm:.2f} | {result.sockets_mm / result.tracker_mm:.2f}"
-    print(f"{number} | {touched_arm.words} | {names[0]} ({verdict}) | {said} | {names[1]} | {numbers}", flush=True)
-    return result
+    return CalibrationOutcome(touched_arm.words, added, verdict, said, others, *errors)
 
 
 def main() -> None:
@@ -321,26 +343,27 @@ def main() -> None:
         most=(2, "effects that auto may add"),
         touches=TOUCHES,
         tracker_poses=(0, "poses that the tracker measures; 0: as many as touches"),
+        jobs=1,
     )
     counts = options.touches, options.tracker_poses or options.touches
-    arms = tuple(zip(cases(counts[0]), cases(counts[1]), strict=True))
     chosen = [int(word) for word in options.only.split(",") if word] or range(1, len(CASES) + 1)
-    print("case | hidden | by sockets (verdict) | name | by tracker | sockets mm | tracker mm | ratio")
-    found = []
-    for number in chosen:
-        try:
-            found.append(calibrated_case(*arms[number - 1], number, options.seed + number, options.most, counts))
-        except NoEquilibrium as error:
-            print(f"{number} | {CASES[number - 1].words} | {error}")
-    honest = sum(one.honest for one in found)
-    near = sum(one.sockets_mm <= 1.5 * one.tracker_mm for one in found)
+    examine = partial(calibrated_case, options.seed, options.most, counts)
+    found = run_cases({str(number): number for number in chosen}, examine, _line, options.jobs)
+    print(markdown_table(COLUMNS, [(key, *one.row) for key, one in found.items()]))
+    done = [one for one in found.values() if not one.trouble]
+    honest = sum(one.said != "WRONG" for one in done)
+    near = sum(one.sockets_mm <= 1.5 * one.tracker_mm for one in done)
     sockets, tracker = (
-        float(np.sqrt(np.mean(np.square([getattr(one, key) for one in found])))) for key in ("sockets_mm", "tracker_mm")
+        float(np.sqrt(np.mean(np.square([getattr(one, key) for one in done])))) for key in ("sockets_mm", "tracker_mm")
     )
     print(
         f"{honest} of {len(chosen)} named right or honest; {near} of {len(chosen)} within 1.5 times the tracker's error"
     )
     print(f"all arms, mm RMS: {sockets:.3f} by sockets, {tracker:.3f} by the tracker, {sockets / tracker:.2f} times")
+
+
+def _line(key: str, one: CalibrationOutcome) -> str:
+    return table_row((key, *one.row))
 
 
 if __name__ == "__main__":

@@ -9,11 +9,11 @@ and the largest difference of positions (m) and of gravity's torques (N·m) from
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,9 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from validation.options import asked
+from validation.runner import run_cases
+from validation.tables import markdown_table
 from validation.vendor_arms.mujoco_robot import MujocoRobot
 
 ENDINGS = ".urdf", ".xacro", ".xml"
@@ -56,26 +59,41 @@ class VendorArm:
     torque: float = float("nan")
 
 
-def main(words: list[str] | None = None) -> None:
+COLUMNS = ("files of", "ending", "files", "imported", "of them with `--tip`", "position, m", "torque, N m", "refused")
+
+
+def main() -> None:
     """Reads the options, runs, prints."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--all", action="store_true", help="print every file that is refused")
-    parser.add_argument("--xacro", nargs="*", default=[], metavar="NAME:=VALUE", help="arguments of xacro files")
-    parser.add_argument("--accept", nargs="*", default=[], metavar="RULE", help="of a copy without meshes: mass")
-    options = parser.parse_args(words)
-    arguments = dict(word.split(":=", 1) for word in options.xacro)
-    print("| files of | ending | files | imported | of them with `--tip` | position, m | torque, N m | refused |")
-    print("|---|---|---|---|---|---|---|---|")
-    for folder in options.folders:
-        found = [imported(path, arguments, options.accept) for path in robot_files(folder)]
-        for ending in ENDINGS:
-            ours = [one for one in found if one.path.suffix.lower() == ending]
-            if ours:
-                print(row(folder.name.replace("+", "/"), ending, ours), flush=True)
-        for one in found if options.all else ():
-            if one.refused:
-                print(f"    {one.path.relative_to(folder)}: {kind_of(one.refused)}: {one.refused}")
+    options = asked(
+        __doc__,
+        "folders+",
+        all=(False, "print every file that is refused"),
+        xacro=([str], "arguments of xacro files, NAME:=VALUE"),
+        accept=([str], "of a copy without meshes: mass"),
+        jobs=1,
+    )
+    files = {str(path): path for folder in options.folders for path in robot_files(folder)}
+    examine = partial(imported, arguments=dict(word.split(":=", 1) for word in options.xacro), accept=options.accept)
+    found = run_cases(files, examine, line, options.jobs)
+    groups = {
+        (folder, ending): [one for one in found.values() if one.path.is_relative_to(folder) and _ending(one) == ending]
+        for folder in options.folders
+        for ending in ENDINGS
+    }
+    rows = [(folder.name.replace("+", "/"), ending, *cells(some)) for (folder, ending), some in groups.items() if some]
+    print(markdown_table(COLUMNS, rows))
+    for key, one in found.items() if options.all else ():
+        if one.refused:
+            print(f"    {line(key, one)}")
+
+
+def line(key: str, one: VendorArm) -> str:
+    """What became of one file."""
+    return f"{key}: {f'{kind_of(one.refused)}: {one.refused}' if one.refused else 'imported'}"
+
+
+def _ending(one: VendorArm) -> str:
+    return one.path.suffix.lower()
 
 
 def robot_files(folder: Path) -> Iterator[Path]:
@@ -111,14 +129,13 @@ def kind_of(refused: str) -> str:
     return next((kind for kind, words in KINDS.items() if re.search(words, refused)), "other")
 
 
-def row(name: str, ending: str, found: list[VendorArm]) -> str:
+def cells(found: Sequence[VendorArm]) -> tuple[object, ...]:
     """One line of the table."""
     good = [one for one in found if not one.refused]
     position, torque = (max((getattr(one, key) for one in good), default=0.0) for key in ("position", "torque"))
     why = Counter(kind_of(one.refused) for one in found if one.refused)
     said = ", ".join(f"{count} {kind}" for kind, count in why.most_common())
-    named = sum(bool(one.tip) for one in good)
-    return f"| {name} | {ending} | {len(found)} | {len(good)} | {named} | {position:.0e} | {torque:.0e} | {said} |"
+    return len(found), len(good), sum(bool(one.tip) for one in good), f"{position:.0e}", f"{torque:.0e}", said
 
 
 if __name__ == "__main__":

@@ -129,8 +129,8 @@ def _urdf(tree: ElementTree.Element) -> Any:
         ElementTree.SubElement(inertial, "inertia", INERTIA)
     own = ElementTree.SubElement(tree, "mujoco")
     ElementTree.SubElement(own, "compiler", fusestatic="false", discardvisual="true", strippath="true")
-    for key in [key for key in tree.attrib if key.startswith("xmlns")]:
-        del tree.attrib[key]
+    for attribute in [name for name in tree.attrib if name.startswith("xmlns")]:
+        del tree.attrib[attribute]
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(tree, encoding="unicode"))
 
 

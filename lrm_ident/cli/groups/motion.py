@@ -74,6 +74,7 @@ SOURCE_OPTIONS: Mapping[str, Any] = {
         "tool": (str, Option(metavar="BODY", help="Of the tracker's file: the body at the tip.")),
         "base": (str, Option(metavar="BODY", help="Of the tracker's file: the body at the base, if there is one.")),
         "topic": (str, Option(metavar="TOPIC", help="Of an MCAP file: the joint states that are the commands.")),
+        "encoders": (str, Option(metavar="TOPIC", help="Of an MCAP file: the joint states that the encoders read.")),
         "rotation": (str, Option(help="Of a Vicon export: helical or euler-xyz.")),
         "rest": (Path, Option(metavar="MODEL", help="Fitted model of poses (default: the nominal arm).")),
         "angle_unit": (str, Option(help="Unit of the recording's angles: deg (default) or rad.")),

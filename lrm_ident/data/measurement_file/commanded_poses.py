@@ -53,7 +53,7 @@ def read_poses(
     elif "approach" in table:
         sides = feasible_approach(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
-    t, session, payload = table.column("t"), table.column("session"), table.column("payload")
+    t, session, payload = _times(table), table.column("session"), table.column("payload")
     load = none if payload is None else payload
     friction = states if straight else None
     if not straight and beside is not None and "sides" in table:
@@ -76,6 +76,20 @@ def read_poses(
         warmed=warmed(power, table.column("temperature")),
         sha256=table.cells.sha256,
     )
+
+
+def _times(table: NumberTable) -> Array | None:
+    """(N,), s, or None: no times are stated, or they run backwards, so that no interval between them can be trusted."""
+    return None if _runs_backwards(table).any() else table.column("t")
+
+
+def _runs_backwards(table: NumberTable) -> NDArray[np.bool_]:
+    """(N,), rows with an earlier time than the row before, in the same session."""
+    t, session = table.column("t"), table.column("session")
+    if t is None:
+        return np.zeros(len(table), dtype=np.bool_)
+    same_session = True if session is None else np.diff(session) == 0
+    return np.concatenate([[False], (np.diff(t) < 0) & same_session])
 
 
 def _gravity(table: NumberTable, arm: Arm, how: Reading) -> Array | None:
@@ -118,12 +132,13 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
             )
         if (np.diff(number) < 0).any():
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
-    t, session = table.column("t"), table.column("session")
+    t, back = table.column("t"), _runs_backwards(table)
     if t is not None:
-        same_session = True if session is None else np.diff(session) == 0
-        back = np.concatenate([[False], (np.diff(t) < 0) & same_session])
         if back.any():
-            yield f"t_s runs backwards at {pose_words(number[back])}: are the rows in the order measured?"
+            yield (
+                f"t_s runs backwards at {pose_words(number[back])}, so no times are used. Was the clock set, or is it "
+                "another power-on (add the column session)? Are the rows in the order measured?"
+            )
         pace_h = float(np.median(np.abs(np.diff(t)))) / 3600.0 if len(t) > 1 else 0.0
         if pace_h > SLOW_PACE_H:
             yield f"half of the poses are {pace_h:.3g} h or more apart; if t_s is in milliseconds: rename it t_ms"

@@ -122,10 +122,24 @@ def _add_servo(
     drawn = model.arm.joints[joint]
     name, limits = joint_labels(model.arm)[joint], (drawn.lower, drawn.upper)
     ElementTree.SubElement(body, "joint", name=name, axis=axis, damping="0.5", armature="0.01")
-    if b > 0.0:
-        half = numbers((-0.5 * b, 0.5 * b))
-        ElementTree.SubElement(body, "joint", name=f"{name}_play", axis=axis, range=half, damping="0.01")
+    add_play(body, name, b)
     ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=numbers(limits))
+
+
+NO_DEFAULT = {"type": "hinge", "damping": "0.01", "armature": "0", "frictionloss": "0", "stiffness": "0"}
+"""Of play: what a robot's own file may have other defaults for."""
+
+
+def add_play(body: ElementTree.Element, name: str, b: float, unit: float = 1.0) -> None:
+    """Gives a joint of a body play, b rad end to end; none where b is 0. `unit`: the file's unit of angle (rad)."""
+    if b > 0.0:
+        joint = next(one for one in body.findall("joint") if one.get("name") == name)
+        placed = {key: value for key in ("axis", "pos") if (value := joint.get(key)) is not None}
+        half = numbers((-0.5 * b / unit, 0.5 * b / unit))
+        own = ElementTree.Element(
+            "joint", {"name": f"{name}_play", **placed, "range": half, "limited": "true", **NO_DEFAULT}
+        )
+        body.insert([*body].index(joint) + 1, own)
 
 
 def _add_follower(

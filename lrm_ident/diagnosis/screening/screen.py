@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import RowWeights
-from lrm_ident.diagnosis.screening.candidates import Refusal, differentiate_candidates, split_testable, unfitted_effects
+from lrm_ident.diagnosis.screening.candidates import (
+    Refusal,
+    Unfitted,
+    differentiate_candidates,
+    split_testable,
+    unfitted_effects,
+    unfitted_rows,
+)
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.likely_shapes import with_likely_shapes
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
@@ -24,7 +31,7 @@ from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit
 from lrm_ident.fitting.loss import robust_scale
 from lrm_ident.fitting.priors import EffectRates
-from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
 from lrm_ident.residual.residual_structure import ResidualStructure, residual_structure
@@ -143,14 +150,23 @@ class Screening:
 
 
 def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:
-    """Scores every effect on the residual of a fit to the data. Raises `LrmError`."""
+    """Scores every effect of a catalogue on the residual of a fit to the data. Raises `LrmError`."""
+    return _screened(whole, data, unfitted_effects(whole.model, kinds), progress)
+
+
+def screen_one(whole: Fit, data: Measurements, effect: Effect) -> Screening:
+    """Scores one effect alone on the residual of a fit to the data. Raises `LrmError`."""
+    return _screened(whole, data, [(effect, unfitted_rows(effect, whole.model.free))], silent)
+
+
+def _screened(whole: Fit, data: Measurements, effects: Iterable[Unfitted], progress: OnProgress) -> Screening:
     whole = _with_borne_loads(whole)
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
     weigh = RowWeights(part.whitening, fitted.weight)
     linear = linearised(fitted, part, weigh)
     sensed = part.whitening.sensed
-    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.equilibrium, sensed)
+    testable, not_testable = split_testable(effects, fitted.equilibrium, sensed)
     response, every = differentiate_candidates(fitted.equilibrium, testable, sensed)
     found = [with_likely_shapes(one, fitted.residual) for one in every]
     scored, sets, undetectable = score_candidates(found, linear, weigh, progress)

@@ -3,6 +3,7 @@
 Command and encoder alone show frequencies and angles. The servo's stiffness K (N·m/rad) makes torques of them; gravity
 shows it where the servo yields to it (`gravity_sag`, or `compliance` of a model of poses). Then with J = K/ω²:
 armature J − M, with M the links' inertia, which the file's bodies have; damping 2ζωJ; friction c K.
+Play that is crossed in motion needs no stiffness; an MJCF holds it as it holds the play of a model of poses.
 Isaac Lab's `ImplicitActuatorCfg` takes the same by its own names, in a file that holds nothing else.
 """
 
@@ -16,13 +17,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.mjcf import spring_stiffness
+from lrm_ident.data.robot_files.mjcf import add_play, spring_stiffness
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
 from lrm_ident.data.wording import joint_labels
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
-from lrm_math.motion.effects import CoulombFriction, GravitySag, RestOffset, ServoResponse
+from lrm_math.motion.effects import CoulombFriction, GravitySag, MotionPlay, RestOffset, ServoResponse
 from lrm_math.motion.loads import reference_inertia
 from lrm_math.motion.motion_model import MotionModel
 
@@ -81,7 +82,12 @@ def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Mo
     if path.suffix not in (".xml", ".mjcf", ".urdf"):
         raise FileError(path, "--motion", f"a {path.suffix} holds no dynamics", ".xml (MJCF) or .urdf")
     root = ElementTree.fromstring(file.text)
-    changed = _in_urdf(root, found) if root.tag == "robot" else _in_mjcf(root, found)
+    if root.tag == "robot":
+        changed = _in_urdf(root, found)
+    else:
+        changed = _in_mjcf(root, found)
+        held = _play_in_mjcf(root, motion)
+        left_out = tuple(name for name in left_out if name not in held)
     missing = tuple(f"dynamics of {name} (no joint of that name)" for name in found if name not in set(changed))
     text = ElementTree.tostring(root, encoding="unicode") + "\n"
     return ExportedFile(text, file.what, (*file.left_out, *left_out, *missing), file.advice)
@@ -126,6 +132,21 @@ def _in_mjcf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> S
         joint.set("frictionloss", numbers([one.friction]))
         changed.append(joint.get("name", ""))
     return changed
+
+
+def _play_in_mjcf(root: ElementTree.Element, motion: MotionModel) -> Sequence[str]:
+    """Adds what joints have in motion, except where the file has play already; names of the effects that it holds."""
+    labels, held = joint_labels(motion.arm), []
+    by_degrees = all(one.get("angle", "degree") == "degree" for one in root.findall("compiler"))
+    unit = float(np.radians(1.0)) if by_degrees else 1.0
+    bodies = {joint.get("name", ""): body for body in root.iter("body") for joint in body.findall("joint")}
+    for effect in motion.added:
+        name = labels[effect.joint]
+        if isinstance(effect, MotionPlay) and name in bodies:
+            if f"{name}_play" not in bodies:
+                add_play(bodies[name], name, motion.values[effect.keys[0]], unit)
+            held.append(effect.name)
+    return held
 
 
 def _servos(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Iterator[ElementTree.Element]:

@@ -16,6 +16,7 @@ from lrm_ident.measuring.motion.tip_moves import tip_moves
 from lrm_ident.measuring.recordings.command_log import read_command_log
 from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
+from lrm_ident.measuring.recordings.mcap_file import joint_track
 from lrm_ident.measuring.recordings.readers import read_take
 from lrm_ident.measuring.recordings.take import TipTrack
 from lrm_math.arm.arm import Arm
@@ -36,9 +37,9 @@ class MotionSource:
 
     Attributes:
         recording: a LeRobot dataset, or a log of commands (CSV or MCAP). tip: what a tracker recorded meanwhile; None:
-            it is in the log's own file. tool, base: bodies of it. topic: of commands in an MCAP file. rotation: as in
-            `RecordingFile`. rest: a fitted model of poses; None: the nominal arm. angle_unit, prefix: see
-            `read_frames`.
+            it is in the log's own file. tool, base: bodies of it. topic, encoders: of commands, and of what encoders
+            read, in an MCAP file. rotation: as in `RecordingFile`. rest: a fitted model of poses; None: the nominal
+            arm. angle_unit, prefix: see `read_frames`.
     """
 
     recording: Path
@@ -46,6 +47,7 @@ class MotionSource:
     tool: str | None = None
     base: str | None = None
     topic: str | None = None
+    encoders: str | None = None
     rotation: str | None = None
     rest: Path | None = None
     angle_unit: AngleUnit | None = None
@@ -53,12 +55,17 @@ class MotionSource:
 
     def moves(self, arm: Arm) -> Moves:
         """The moves. Raises `FileError`, `UnknownName`."""
+        if self.encoders is not None and (self.recording.suffix != MCAP or self.tip is not None):
+            what = "names a topic of an MCAP file of commands and encoders"
+            raise FileError(self.recording, "--encoders", what, "leave it out, or leave --tip out")
         if self.recording.suffix not in LOGS:
             if self.tip is not None:
                 what = "is read beside a log of commands, and this is none"
                 raise FileError(self.recording, "--tip", what, f"a {' or '.join(LOGS)}")
             return moves_of(read_frames(self.recording, arm, self.angle_unit, self.prefix), arm, self.recording)
         log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
+        if self.encoders is not None:
+            return moves_of(log.beside(*joint_track(self.recording, arm, self.encoders)), arm, self.recording)
         if self.tip is None and (encoders := log.encoders()) is not None:
             return moves_of(encoders, arm, self.recording)
         tip = self.tip or self.recording

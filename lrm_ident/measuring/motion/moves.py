@@ -37,6 +37,8 @@ ENCODER_SD = np.radians(360.0 / 4096.0) / np.sqrt(12.0)
 FASTEST_GAP = 1.5
 """Times the usual distance of frames that a gap may have."""
 LEAST_MOVES = 2 * FOLDS
+MOVING, MANY = np.radians(5.0), 0.1
+"""rad/s from which on an arm moves; share of moves that begin so of which a person is told."""
 RESTING, WITHIN = 4, 4.0
 """Readings that are alike, to so many times their noise, where a joint rests."""
 
@@ -174,26 +176,33 @@ def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
         raise FileError(path, "", f"{int(frames.missing.any(axis=1).sum())} frames lack a number", "record them again")
     dt = _frame_distance(frames, path)
     speeds = [(frames.reading_speed(rows), rows) for rows in _episodes(frames)]
-    rows, counted = cut(path, dt, speeds, LONGEST_LEAD_S)
+    rows, counted = cut(path, dt, speeds)
+    began = begun_in_motion(np.concatenate([speed for speed, _ in speeds])[rows[:, 0]] > MOVING * dt)
     command = frames.command[rows]
     smooth = followed(command, dt)
     told = np.repeat(command[:, :-1], steps_of(dt), axis=1)  # a command stays until the next frame
     return Moves(
         arm, dt, command, told, frames.feedback[rows], counted, frames.episode[rows[:, 0]], _noise(frames, dt), smooth,
-        path.name, frames.notices,
+        path.name, (*frames.notices, *began),
     )  # fmt: skip
 
 
+def begun_in_motion(moving: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Notice where more than a tenth of the moves begin while the arm moves; `moving`: (S,), whether one does."""
+    count, share = int(moving.sum()), float(moving.mean())
+    words = f"{count} of {len(moving)} moves begin while the arm moves: let it stand for a second after each move"
+    return (words,) if share > MANY else ()
+
+
 def cut(
-    path: Path, dt: float, episodes: Sequence[tuple[Array, NDArray[np.int64]]], longest_lead: float = LEAD_S
+    path: Path, dt: float, episodes: Sequence[tuple[Array, NDArray[np.int64]]]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Frames (S, T) of the moves, the last repeated in shorter ones, and which of them count.
 
-    `episodes`: how unfit for a cut each frame of an episode is, and its number. `longest_lead`: s; leads are half as
-    long at least where the episode permits.
+    `episodes`: how unfit for a cut each frame of an episode is, and its number.
     Raises `FileError`: too few moves.
     """
-    found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt, longest_lead)]
+    found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
     pieces, leads = [piece for piece, _ in found], [lead for _, lead in found]
     if len(pieces) < LEAST_MOVES:
         what = f"{len(pieces)} moves of {SHORTEST_S:g} to {LONGEST_S:g} s"
@@ -221,11 +230,9 @@ def _episodes(frames: LeRobotFrames) -> list[NDArray[np.int64]]:
     return np.split(np.arange(len(frames.t)), np.flatnonzero(np.diff(frames.episode)) + 1)
 
 
-def _pieces(
-    unfit: Array, rows: NDArray[np.int64], dt: float, longest_lead: float
-) -> list[tuple[NDArray[np.int64], int]]:
+def _pieces(unfit: Array, rows: NDArray[np.int64], dt: float) -> list[tuple[NDArray[np.int64], int]]:
     """Frames of each move of an episode, its lead included, and the frames of the lead."""
-    lead, most, shortest, longest = (round(s / dt) for s in (LEAD_S, longest_lead, SHORTEST_S, LONGEST_S))
+    lead, most, shortest, longest = (round(s / dt) for s in (LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S))
     least = max(lead, most // 2)
     out, begin = [], lead
     while len(rows) - begin >= shortest:

@@ -13,7 +13,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import Parameter
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import JointDrive, MotionEffect
-from lrm_math.motion.effects import ServoResponse, Swing
+from lrm_math.motion.effects import RestOffset, ServoResponse, Swing
 from lrm_math.motion.links import LinksAlongPath
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.simulation import simulate
@@ -40,15 +40,20 @@ def springs_of(model: MotionModel) -> Springs:
 
 
 def servo_angle(effects: Sequence[MotionEffect], rows: Array, drive: JointDrive) -> Array:
-    """(M + 1, P, S), rad, of a joint's servo for each row of parameters (P, p), those of a swing unused."""
-    led, values, at = [], [], 0
+    """(M + 1, P, S), rad, of a joint's servo for each row of parameters (P, p), those of a swing unused.
+
+    No reading says where a joint stands before a move: it stands at its command, and its offset is added to all angles.
+    """
+    led, values, at, offset = [], [], 0, np.zeros((len(rows), 1))
     for effect in effects:
         columns = [rows[:, [k]] for k in range(at, at + len(effect.parameters))]
         at += len(columns)
-        if not isinstance(effect, Swing):
+        if isinstance(effect, RestOffset):
+            offset = columns[0]
+        elif not isinstance(effect, Swing):
             led.append(effect)
             values.append(columns)
-    return simulate(led, values, drive)
+    return simulate(led, values, drive) + offset
 
 
 def with_links(links: LinksAlongPath, servos: Array, springs: Springs, h: float) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from lrm_ident.data.rigid_motion import skew
 from lrm_ident.measuring.motion.joint_fit import DIFFERENCE
 from lrm_ident.measuring.motion.joint_moves import RANK, JointMoves
-from lrm_ident.measuring.motion.moves import LEAD_S, Moves, cut, followed, steps_of
+from lrm_ident.measuring.motion.moves import LEAD_S, Moves, begun_in_motion, cut, followed, steps_of
 from lrm_ident.measuring.motion.tip_joint import TipJoint, servo_angle, springs_of, with_links
 from lrm_ident.measuring.recordings.command_log import CommandLog
 from lrm_ident.measuring.recordings.take import TipTrack
@@ -227,8 +227,8 @@ def tip_moves(log: CommandLog, track: TipTrack, poses: Model) -> TipMoves:
     if len(t) < LEAD_S / dt:
         raise FileError(track.path, "", "it and the log of commands have no minute in common", "record both at once")
     command = log.at(t)
-    unfit = -_stood(command, dt)
-    rows, counted = cut(track.path, dt, [(unfit, np.arange(len(t)))])
+    stood = _stood(command, dt)
+    rows, counted = cut(track.path, dt, [(-stood, np.arange(len(t)))])
     steps = steps_of(dt)
     middle = t[rows][:, :-1, None] + dt * (np.arange(steps) + 0.5) / steps
     told = log.at(middle.reshape(len(rows), -1))
@@ -239,7 +239,7 @@ def tip_moves(log: CommandLog, track: TipTrack, poses: Model) -> TipMoves:
     moves = TipMoves(
         poses.arm, dt, command[rows], told, command[rows], counted & seen, np.zeros(len(rows), dtype=np.int64),
         np.full(n, noise), path, f"{log.path.name} and {track.path.name}",
-        (f"the tracker's clock is {late:.3f} s ahead of the commands'",),
+        (f"the tracker's clock is {late:.3f} s ahead of the commands'", *begun_in_motion(stood[rows[:, 0]] < LEAD_S)),
         chain=poses.chain, rests=_rests(poses, command[rows]), track=track, t=t[rows], installation=nowhere,
     )  # fmt: skip
     moves = replace(moves, installation=_registered(moves))
@@ -257,7 +257,7 @@ def _rests(poses: Model, command: Array) -> tuple[Array, ...]:
 
 
 def _stood(command: Array, dt: float) -> Array:
-    """(N,), s for which the command (N, n) has stood, half of that where it goes on standing."""
+    """(N,), s for which the command (N, n) has stood."""
     moves = np.concatenate([[True], np.abs(np.diff(command, axis=0)).max(axis=1) > 1e-6])
     last = np.maximum.accumulate(np.where(moves, np.arange(len(moves)), 0))
     return np.asarray(dt * (np.arange(len(moves)) - last))

@@ -25,8 +25,8 @@ from lrm_math.toml_file import StrictSchema, read_toml
 GAP_S = 1.0
 GAPS = 1.5
 """Times the usual distance of rows beyond which nothing was recorded between them."""
-SPARSE_S = 0.1
-"""s between two rows beyond which a ramp is not followed."""
+SPARSE_S, FINEST_S = 0.1, 0.01
+"""s between two rows beyond which a ramp is not followed, and between frames of encoders that are read more often."""
 
 
 class LogFile(StrictSchema):
@@ -57,6 +57,22 @@ class CommandLog:
         steps = np.diff(self.t)
         episode = np.concatenate([[0], np.cumsum(steps > GAPS * np.median(steps))])
         return LeRobotFrames(self.q, read[0].values, self.t, episode)
+
+    def beside(self, t: Array, q: Array) -> LeRobotFrames:
+        """Frames evenly apart of what encoders read as q (N, n), rad, at times t (N,), s; gaps end an episode.
+
+        Each frame has what was commanded last before it. Raises `FileError`: the two have nothing in common.
+        """
+        kept = (t >= self.t[0]) & (t <= self.t[-1])
+        t, q = t[kept], q[kept]
+        if len(t) < 2:
+            raise FileError(self.path, "--encoders", "has no times in common with the commands", "record both at once")
+        dt = max(float(np.median(np.diff(t))), FINEST_S)
+        pieces = np.split(t, np.flatnonzero(np.diff(t) > max(SPARSE_S, GAPS * dt)) + 1)
+        even = [piece[0] + dt * np.arange(int((piece[-1] - piece[0]) / dt) + 1) for piece in pieces]
+        at, episode = np.concatenate(even), np.repeat(np.arange(len(even)), [len(one) for one in even])
+        read = np.stack([np.interp(at, t, column) for column in q.T], axis=1)
+        return LeRobotFrames(self.q[np.searchsorted(self.t, at, side="right") - 1], read, at, episode)
 
     def at(self, t: Array) -> Array:
         """(…, n), angles put out at times (…), straight between rows."""

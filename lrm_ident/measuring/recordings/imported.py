@@ -5,12 +5,14 @@ Rests of the arm are at regular times, or wherever the tip stood still.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import metadata_of, motion_of, read_positions
@@ -35,6 +37,9 @@ from lrm_math.model.reading import AngleUnit, Reading
 LEAST_SD, LEAST_TURN_SD = 1e-4 * MM, np.radians(1e-3)
 STILL_M = 1e-3
 """m: how far the tip may be from where it is one dwell later; more than noise and sag, less than any move."""
+NOISE_REACH = 5.0
+"""Standard deviations of the difference of two frames in which a point stands still: one pair in 60 000 is beyond."""
+LEAST_FRAMES, NORMAL_QUARTILE = 20, 0.6745
 STILL_RAD = np.radians(0.3)
 """rad: the same of the joints together, by their encoders."""
 END_S = 0.1
@@ -289,22 +294,39 @@ def regular_rests(t: Array, count: int, times: RestTimes, dwell: float) -> list[
     return [np.flatnonzero((t > end - dwell) & (t <= end)) for end in ends]
 
 
+def frame_noise(track: Array) -> float:
+    """Standard deviation (m or rad) of one frame of a track (N, 3) per axis, by the median of its second differences.
+
+    A straight motion at constant speed has none. Difference-based estimation of variance (Gasser et al. 1986), robust.
+    """
+    if len(track) < LEAST_FRAMES:
+        return 0.0
+    bends = np.abs(track[:-2] - 2.0 * track[1:-1] + track[2:]) / np.sqrt(6.0)
+    return float(np.sqrt(np.mean(np.square(np.median(bends, axis=0) / NORMAL_QUARTILE))))
+
+
 def still_rests(t: Array, tip: Array, dwell: float, still: float = STILL_M) -> list[Rows]:
     """The frames of the last `dwell` s of every stretch of at least twice that in which the tip (N, 3) stands still.
 
-    Or joints (N, n): within `still`.
+    Or joints (N, n): within `still`. Where two frames differ by more through noise alone, means of some frames are
+    compared, of half a `dwell` at most; where these do, too, within that.
     """
     seen = np.flatnonzero(np.isfinite(tip).all(axis=1))
     if not len(seen):
         return []
+    between = float(np.median(np.diff(t[seen]))) if len(seen) > 1 else dwell
+    spread = NOISE_REACH * math.sqrt(2.0) * frame_noise(tip[seen])
+    frames = max(1, min(math.ceil((spread / still) ** 2), int(0.5 * dwell / between)))
+    track, still = uniform_filter1d(tip[seen], frames, axis=0), max(still, spread / math.sqrt(frames))
+    least = 2.0 * dwell - (frames - 1) * between
     later = np.searchsorted(t[seen], t[seen] + dwell, side="right") - 1
-    moved = np.linalg.norm(tip[seen[later]] - tip[seen], axis=1)
+    moved = np.linalg.norm(track[later] - track, axis=1)
     lasting = t[seen[later]] - t[seen] > 0.5 * dwell
     stands = (moved < still) & lasting
     edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(np.int64)))
     rests = []
     for begin, end in zip(edges[0::2], edges[1::2], strict=True):
         first, last = t[seen[begin]], t[seen[later[end - 1]]] - END_S
-        if last - first >= 2.0 * dwell:
+        if last - first >= least:
             rests.append(np.flatnonzero((t > last - dwell) & (t <= last)))
     return rests

@@ -34,9 +34,9 @@ def camera_named(folder: Path, name: str) -> str:
     known = [key for key, one in features.items() if isinstance(one, dict) and one.get("dtype") == "video"]
     if not known:
         raise FileError(folder / "meta" / "info.json", "features", "the dataset has no videos")
-    for key in known:
-        if name in (key, key.rpartition(".")[2]):
-            return str(key)
+    for feature in known:
+        if name in (feature, feature.rpartition(".")[2]):
+            return str(feature)
     raise UnknownName("video", name, known)
 
 

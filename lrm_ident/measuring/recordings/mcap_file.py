@@ -63,7 +63,7 @@ def joint_track(path: Path, arm: Arm, wanted: str | None = None) -> tuple[Array,
         if kind == JOINTS and wanted in (None, topic):
             rows[topic].append((_stamped(message.header.stamp, recorded), _angles(path, topic, message, arm)))
     if not rows and wanted is not None:
-        raise FileError(path, "--topic", f"no joint states in {wanted}{_listed(topics)}")
+        raise FileError(path, "", f"no joint states in {wanted}{_listed(topics)}")
     if len(rows) > 1:
         what = f"has {len(rows)} topics of joint states: {', '.join(sorted(rows))}"
         raise FileError(path, "", what, "should be one sensor_msgs/JointState, or give the poses as a CSV")

@@ -12,15 +12,17 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from lrm_ident.data.observations.distances import Distances
-from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm
+from lrm_ident.data.wording import UNSEEN, arrow, enumerate_words, in_mm, poses_count
 from lrm_ident.diagnosis.attribution import attribution_of, explained_by_first, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
+from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import plain_name, repair_advice
+from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
 from lrm_ident.report.text.claims import claim_sentence
@@ -28,13 +30,14 @@ from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_i
 from lrm_ident.report.text.residuals import (
     A_LENGTH,
     BLACK_BOX,
+    WHY_OFF,
     predictable_brief,
     regime_brief,
     scale_sentence,
     shifted_sentence,
 )
 from lrm_ident.report.text.variables import function_name, what_may_change
-from lrm_ident.residual.data_audit import LimitationKind, where_it_holds
+from lrm_ident.residual.data_audit import LimitationKind, MeasuredAngles, where_it_holds
 from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
@@ -46,9 +49,10 @@ from lrm_math.kinematics.history import PACE_S
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
+LACKS = "what these poses lack"
 FIRST = (
     "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
-    "hidden at most",
+    "hidden at most", "chosen again", LACKS,
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
 FOLDED = ("black-box model",)
@@ -65,6 +69,8 @@ ORDERED = frozenset({"direction", "time", "session"})
 """What an effect depends on if the order of the poses decides it."""
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
+NOT_LASTING = frozenset({ReasonKind.NOT_BETTER_LATER, ReasonKind.WORSE_DEPLOYED})
+"""Reasons that refuse an effect for later poses, not for these."""
 NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
 WHY_NOT = {
     Verdict.EFFECT_DESCRIBES: "the error is systematic, but these poses do not show why.",
@@ -136,7 +142,7 @@ class Conclusion:
                 steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
-        why = section("What these poses lack", self.reasons[:REASONS_SHOWN])
+        why = section(LACKS[0].upper() + LACKS[1:], self.reasons[:REASONS_SHOWN])
         shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED and fact[1] != NOT_YET)
         return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
 
@@ -173,6 +179,11 @@ def _has_already(report: DiagnosisReport) -> dict[str, Effect]:
     return {effect.name: effect for effect in here if effect.id not in DEFAULT_EFFECTS}
 
 
+def _empirical(report: DiagnosisReport) -> list[str]:
+    """The empirical terms that the model has already."""
+    return [effect.name for effect in report.diagnosis.fit.model.effects if effect.is_free_form]
+
+
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
@@ -196,13 +207,17 @@ def _quiet_headline(report: DiagnosisReport) -> str:
     """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
     known = list(_has_already(report))
     changes = report.deployed.among_measured is not None
+    left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
+    if not known and (terms := _empirical(report)):
+        what = enumerate_words(list(map(plain_name, terms)), IN_HEADLINE)
+        corrects = "an empirical term, corrects" if len(terms) == 1 else "empirical terms, correct"
+        return f"{NOT_IDENTIFIED}; {what}, {corrects} the error{left}"
     if not known:
         return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
     named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
     them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
     other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
     unsure = any(report.indistinguishable.get(name) for name in known)
-    left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
     return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model{left}"
 
 
@@ -242,14 +257,13 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "far off", " ".join(_far_poses(report))
     rows = map(shifted_sentence, report.diagnosis.shifted)
     yield "rows", " ".join(f"{words[0].upper()}{words[1:]}." for words in rows)
-    outliers = report.diagnosis.outliers
-    yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
+    yield "left out", _left_out(report.diagnosis)
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
         yield "in the model", enumerate_words(list(map(plain_name, known)), LISTED)
     yield "repair", _repair(report, attribution)
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
-        yield "valid", valid_where(report)
+        yield "valid", where_measured(valid_where(report))
         yield "not tested", _not_tested(report)
 
 
@@ -259,17 +273,19 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     if report.verdict.quiet:
         known = _has_already(report)
         certain = [effect for name, effect in known.items() if not report.indistinguishable.get(name)]
+        if not known and (terms := _empirical(report)):
+            places = dict.fromkeys(map(place_in_words, terms))
+            return f"{NOT_YET}; look there first: {enumerate_words(list(places), LISTED)}"
         return NOT_YET if known and not certain else repair_advice(*certain[:LISTED])
     if first is not None and attribution == Support.FINDING and not first.equivalent:
         return repair_advice(first.scored.candidate.effect)
     return NOT_YET
 
 
-def valid_where(report: DiagnosisReport) -> str:
-    """Angles and ranges at which the verdict holds; empty where the poses cover the arm's range."""
+def valid_where(report: DiagnosisReport) -> tuple[MeasuredAngles, ...]:
+    """Angles and ranges at which the verdict holds alone; empty where the poses cover the arm's range."""
     limits = JointLimits.of(report.diagnosis.fit.model.arm)
-    parts = where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
-    return where_measured(parts)
+    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
 
 
 def _not_tested(report: DiagnosisReport) -> str:
@@ -390,14 +406,43 @@ def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
 
 
 def _looks_like(report: DiagnosisReport) -> str:
-    """The free function that explains most of an unexplained error, if it explains enough to be worth a word."""
+    """What explains most of an unexplained error, if enough to be worth a word: a free function, or a known effect that
+    is not named since later poses speak against it."""
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
     left = dict(found.ranking)
     best = found.functions[0] if found.functions else next(iter(left), None)
-    if best is None or best not in left or 1.0 - (left[best] / held_out) ** 2 < PART:
+    function_left = left.get(best, np.inf) if best is not None else np.inf
+    known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
+    if known is not None and known.held_out_rms < function_left and _explains_part(known.held_out_rms, held_out):
+        of = f"{plain_name(known.name)} ({known.name}), which leaves ≈ {in_mm(known.held_out_rms)} mm here"
+        return f"{of}. Not named, since earlier poses do not predict later ones better with it"
+    if best is None or not _explains_part(function_left, held_out):
         return ""
     question = what_may_change(best)
-    return f"{function_name(best)}, which leaves {in_mm(left[best])} mm{question and f'. {question}'}"
+    return f"{function_name(best)}, which leaves {in_mm(function_left)} mm{question and f'. {question}'}"
+
+
+def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
+    """The known effects that fit the session, and are refused for what the arm does later."""
+    for one in report.ranking:
+        why = one.reason.because
+        if why is not None and why.kind in NOT_LASTING and not one.scored.candidate.effect.is_free_form:
+            yield one
+
+
+def _explains_part(left: float, before: float) -> bool:
+    return 1.0 - (left / before) ** 2 >= PART
+
+
+def _left_out(diagnosis: Diagnosis) -> str:
+    """The outliers that no figure counts: how many, how far off, and what they may be; empty where there are none."""
+    outliers = diagnosis.outliers
+    if not outliers:
+        return ""
+    distances = [diagnosis.outlier_distances[number] for number in outliers if number in diagnosis.outlier_distances]
+    far = f", up to {in_mm(max(distances))} mm off" if distances else ""
+    count = f"{len(outliers)} of {poses_count(len(diagnosis.data) + len(outliers))}"
+    return f"{count}, as outliers{far}: {enumerate_words(list(map(str, outliers)), 2 * LISTED)}. {WHY_OFF}"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:

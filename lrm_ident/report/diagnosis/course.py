@@ -24,9 +24,9 @@ from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
-from lrm_ident.report.text.claims import with_unit
+from lrm_ident.report.text.claims import chosen_again, empirical_words, with_unit
 from lrm_ident.report.text.reasons import no_law_words, reason_words
-from lrm_ident.report.text.residuals import scale_sentence
+from lrm_ident.report.text.residuals import WHY_OFF, scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.scale_uncertainty import scale_left_open
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
 TRACKERS_SCALE = "tracker's scale"
-STILL_OPEN = ("empirical term", "could be", "repair", "hidden at most")
+STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair", "hidden at most", "valid")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
 
@@ -65,7 +65,7 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
     begun = "start: fitted model" if step.name is None else f"start: {step.name}"
     yield f"{number:4d}  {step.added or begun:30s} {in_mm(held_out):>7s}  {bar}{there}"
     if step.name is not None and not step.added:
-        yield Text(f"      left out: {poses_words(step.data.source.left_out)}", style="dim")
+        yield Text(f"      left out: {poses_words(step.data.source.left_out)}. {WHY_OFF}", style="dim")
     if step.evidence.equivalent:
         rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
@@ -181,7 +181,9 @@ def course_document(
         **({} if with_field is None else {"with_residual_field_not_a_cause": error_values(with_field)}),
     }
     fell = _last_errors(course, nested) if story is None else (("error", story.sentence), *story.facts)
-    facts = Facts((*_sizes(course), *fell, ("nested error" if nested.error is None else "certainty", _chosen(nested))))
+    again = () if nested.error is None else (("chosen again", chosen_again(nested.frequency, len(nested.chosen))),)
+    why_not = () if nested.error is not None else (("nested error", f"not computed: {nested.reason}"),)
+    facts = Facts((*_sizes(course), *fell, *again, *why_not))
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
     open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
@@ -249,7 +251,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
         if one.kind == Support.POSSIBLE_CAUSE
     ]
     listed = enumerate_words([plain_name(step.added) for step in terms], RIVALS_SHOWN)
-    empirical = [f"{listed}: they improve the prediction; their cause is not identified"] if terms else []
+    empirical = [f"{listed}: {empirical_words(len(terms))}"] if terms else []
     if rows := (*_labelled("candidate cause", candidates), *_labelled("empirical term", empirical)):
         yield Facts(rows)
 
@@ -261,17 +263,6 @@ def _named(name: str) -> str:
 def _labelled(label: str, lines: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Facts of which only the first has the label."""
     return ((label if number == 0 else "", words) for number, words in enumerate(lines))
-
-
-def _chosen(nested: NestedResidual) -> str:
-    """Number of folds in which each effect was chosen: what few choose is unstable."""
-    if nested.error is None:
-        return f"not computed: {nested.reason}"
-    often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
-    once = sum(count == 1 for count in nested.frequency.values())
-    more = f"; {once} {'more ' if often else ''}in one each" if once else ""
-    each = f"of {len(nested.chosen)} repeated searches, each without a part of the poses"
-    return f"chosen again: {', '.join(often) or 'no effect in more than one'} {each}{more}"
 
 
 def proposal_document(found: LawProposal) -> Document:
@@ -289,7 +280,8 @@ def proposal_document(found: LawProposal) -> Document:
         "nested_held_out_rms_mm": found.nested * 1e3,
         "proposed": None if best is None else {"joint": best.law.joint + 1, "formula": best.law.formula},
         "held_out": None if best is None else best.error,
-        "reason": no_law_words(found),
+        "reason": found.reason,
+        "why": no_law_words(found),
         "indistinguishable_from": [
             {"joint": law.joint + 1, "formula": law.formula, "held_out_rms_mm": rms * 1e3}
             for law, rms in found.equivalent

@@ -20,7 +20,7 @@ from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
-from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.advice import advice_sentence, next_step
 from lrm_ident.report.text.poses import limitation_sentence
@@ -92,11 +92,11 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
             for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,
-        "shifted": list(map(shifted_sentence, found.shifted)),
+        "shifted": stated(found.shifted, shifted_sentence),
         "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
-        "audit": list(map(limitation_sentence, report.limitations)),
+        "audit": stated(report.limitations, limitation_sentence),
         "holds": valid_where(report),
-        "hints": list(map(hint_sentence, report.hints)),
+        "hints": stated(report.hints, hint_sentence),
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
         "next_poses_hint": next_step(report),
     }

@@ -25,21 +25,13 @@ COLOURS: Mapping[Kind, str] = {
     "effect": "#57606a",
 }
 BESIDE: Any = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
-TORN, ROOM, ROW, LABEL = 2.2, 1.4, 0.36, 34
-"""How much longer than all others a bar is cut short; room beside these; inches of a row; letters of a line."""
+ROW, LABEL = 0.36, 34
+"""Inches of a row; letters of a line."""
 
 
 def draw_story(story: Story, path: Path | None = None) -> Figure:
     """Draws the waterfall. Raises `FileError` for an unknown format or place."""
-    later = max((one.rms_mm for one in story.steps[1:]), default=story.steps[0].rms_mm)
-    most = max(one.rms_mm for one in story.steps)
-    scale = ROOM * later if most > TORN * later else 1.02 * most
-    ends = [
-        (name, value)
-        for name, value in (("as deployed", story.steps[-1].deployed_rms_mm), ("nested", story.nested_rms_mm))
-        if value is not None
-    ]
-    rows = len(story.steps) + len(ends)
+    scale, rows = story.longest, len(story.steps) + len(story.ends)
     with figure_file(path, 8.5, 1.3 + ROW * rows) as figure:
         axes = figure.subplots()
         for row, one in enumerate(story.steps):
@@ -49,17 +41,16 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
             cut = " (bar cut short)" if one.rms_mm > scale else ""
             where = (min(one.before_rms_mm, scale), row)
             axes.annotate(f"{in_mm(one.rms_mm * MM)}{cut}", where, **BESIDE)
-        for row, (_, value) in enumerate(ends, len(story.steps)):
+        for row, (_, value) in enumerate(story.ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)
             axes.annotate(in_mm(value * MM), (value, row), **BESIDE)
-        noise = story.noise_rms_mm if story.noise_rms_mm is not None else story.noise_bound_rms_mm
-        if noise is not None:
-            words = "measurement noise" if story.noise_rms_mm is not None else "measurement noise, at most"
+        if story.noise is not None:
+            words, noise = story.noise
             axes.axvline(noise, color="black", linestyle=":", label=f"{words} {in_mm(noise * MM)} mm")
             axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / rows), frameon=False)
         kinds = [f"\n{one.kind}" if one.number and one.kind != "effect" else "" for one in story.steps]
         names = [fill(one.title, LABEL) + kind for one, kind in zip(story.steps, kinds, strict=True)]
-        axes.set_yticks(range(rows), [*names, *(name for name, _ in ends)], fontsize=9)
+        axes.set_yticks(range(rows), [*names, *(name for name, _ in story.ends)], fontsize=9)
         axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
         title = "How the error fell" + (f", {UNSEEN}" if story.held_out else "")
         axes.set(title=title, xlabel="RMS error of the tip, mm: pale what remains, solid what was taken away")

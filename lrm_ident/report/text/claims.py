@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from lrm_ident.data.wording import in_mm, quantity
+from lrm_ident.data.wording import in_mm, poses_words, quantity
 from lrm_ident.diagnosis.reason import Claim
 from lrm_math.effects import Parameter
 
@@ -48,6 +50,25 @@ def claim_sentence(claim: Claim) -> str:
     meanings, more = {p.name: p.meaning for p in effect.parameters}, len(further) - MOST_ESTIMATES
     surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
     return f"{sentence} ({surest_values}{f' and {more} more' if more > 0 else ''})"
+
+
+def outliers_left_out(poses: Sequence[int]) -> str:
+    """What a step did that left poses out, and what to do about them."""
+    what = "is left out as an outlier" if len(poses) == 1 else "are left out as outliers"
+    return f"{poses_words(poses)} {what}: measure there again"
+
+
+def chosen_again(frequency: Mapping[str, int], folds: int) -> str:
+    """In how many repeated searches each effect was chosen: what few choose is unstable."""
+    often = [f"{name} in {count}" for name, count in frequency.items() if count > 1]
+    once = sum(count == 1 for count in frequency.values())
+    more = f"; {once} {'more ' if often else ''}in one each" if once else ""
+    return f"{', '.join(often) or 'no effect'} of {folds} repeated searches, each without a part of the poses{more}"
+
+
+def empirical_words(count: int) -> str:
+    """What `count` empirical terms do."""
+    return f"{'it improves' if count == 1 else 'they improve'} the prediction; the cause is not identified"
 
 
 def _chosen(parameter: Parameter, value: float) -> str:

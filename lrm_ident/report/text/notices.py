@@ -25,6 +25,9 @@ def notice_words(notice: Notice) -> str:
             return f"{names[0]} is not the file that {names[1]} was fitted with (its SHA-256 differs)"
         case NoticeKind.OTHER_PRIOR:
             return f"the model was fitted with the prior '{names[0]}'; this goes on with that of typical sizes"
+        case NoticeKind.DIMENSIONS_HELD:
+            held = f"{len(names)} offsets and compliances that the model's fit held"
+            return f"{held} are fitted too, as every step does: else an effect would get credit for them"
         case NoticeKind.FIELD_LEFT_OUT:
             return "the residual field is left out here: it is no cause; add it again when all causes are in the model"
         case NoticeKind.OUTLIERS:

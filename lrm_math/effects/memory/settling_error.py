@@ -23,7 +23,7 @@ class SettlingError(LinearEffect):
         claim="{place} was read too early: {e_rad_per_rad} of each move was still to come",
         needs="the measured order, and moves that do not run with the angles",
     )
-    parameters = (Parameter("e_rad_per_rad", "share of the last move that was still to come", 0.005),)
+    parameters = (Parameter("e_rad_per_rad", "share of the last move that was still to come", 0.005, largest=1.0),)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:

@@ -23,11 +23,18 @@ pytestmark = pytest.mark.long
 TEXT = motion_text(swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05)))
 OTHER = motion_text(swinging(joint2=(5.0, 0.05)))
 SWING = '"swing.joint1.frequency_Hz" = 3.0'
+INERTIAL = '"inertial_coupling.joint2.k_rad_per_Nm" = 0.02\n"link_inertia.joint2.s_ratio" = 0.4'
 WRONG = {
     "another arm": (TEXT.replace("lrm-rover", "lrm-lab"), "lrm-lab"),
     "no arm of the daemon's": (TEXT.replace("lrm-rover", "/etc/passwd"), "no arm of this daemon's"),
     "an arm that changed": (TEXT.replace("effects", 'arm_sha256 = "0"\neffects', 1), "links, tool or masses differ"),
-    "a model of poses": ('schema = "lrm/model/2"\narm = "lrm-rover"\neffects = []\n', "lrm/motion/1"),
+    "a model of poses": ('schema = "lrm/model/2"\narm = "lrm-rover"\neffects = []\n', "lrm/motion/2"),
+    "an older fit that counts inertia twice": (
+        TEXT.replace("lrm/motion/2", "lrm/motion/1")
+        .replace("effects = [", 'effects = ["inertial_coupling@joint2", "link_inertia@joint2", ')
+        .replace("[parameters]", f"[parameters]\n{INERTIAL}"),
+        "fit it again",
+    ),
     "no such effect": (TEXT.replace("swing@joint1", "swung@joint1"), "swung"),
     "an effect named twice": (TEXT.replace('"swing@joint1"', '"swing@joint1", "swing@joint1"'), "named twice"),
     "a joint without a servo": (TEXT.replace('"servo_response@joint3", ', ""), "servo_response@joint3 is missing"),

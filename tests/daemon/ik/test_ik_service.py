@@ -26,6 +26,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import under_gravity, with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrmd.config import Config, load_config
+from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
 from lrmd.messages.codec import Message, MessageError, unpack
@@ -444,6 +445,21 @@ def test_a_question_is_answered_goal_by_goal() -> None:
     assert [next(answers).verdict for _ in range(2)] == ["solved"] * 2
     places = service().forward(FkRequest(q_rad=[HOME] * 1000))
     assert next(places).tcp_m == next(places).tcp_m
+
+
+def test_a_search_of_many_cubes_lets_its_caller_look_up_and_end_it() -> None:
+    """Twenty-four starts of five cubes with 21 points each take seconds on a small board."""
+    cubes, most = list[None](), 7
+    far = IkRequest(goals=[GoalEntry(position_m=[0.9, -0.2, 0.1])], cube_points=21, cube_side_m=0.2)
+
+    def looked_up() -> None:
+        cubes.append(None)
+        if len(cubes) == most:
+            raise RequestError("expired", "the deadline has passed")
+
+    with pytest.raises(RequestError, match="deadline"):
+        next(service().inverse(far, check_cancelled=looked_up))
+    assert len(cubes) == most
 
 
 def test_a_model_of_another_arm_is_refused() -> None:

@@ -289,8 +289,7 @@ def test_it_turns_with_the_frame_of_the_positions(lab: Arm, seed: int) -> None:
 
 
 def leaning_measurements(arm: Arm, poses: Poses) -> Measurements:
-    number = np.arange(1, COUNT + 1)
-    return Measurements.of_tcp(poses, tips(arm, poses), pose=number)
+    return Measurements.of_tcp(poses, tips(arm, poses))
 
 
 @pytest.mark.parametrize("command", [False, True])

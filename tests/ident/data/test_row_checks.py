@@ -177,6 +177,18 @@ def test_other_orders_of_the_rows_are_said(lab: Arm, tmp_path: Path) -> None:
     data = load_measurements(example(tmp_path, [*rows[30:], *rows[:30]]), lab)
     assert any("do not ascend" in words for words in data.source.notices)
     assert any("t_s runs backwards" in words for words in data.source.notices)
+    assert data.poses.t is None
+
+
+def test_times_of_a_clock_that_was_set_are_not_used_and_said(lab: Arm, tmp_path: Path) -> None:
+    """Before: a drift was fitted to the jump, and a shift and creep were named in its place."""
+    at, rows = EXAMPLE.read_text().splitlines()[0].split(",").index("t_s"), rows_of(40)
+    late = [[*row[:at], str(float(row[at]) + 1.7e9), *row[at + 1 :]] for row in rows[:20]]
+    data = load_measurements(example(tmp_path, [*late, *rows[20:]]), lab)
+    assert any("t_s runs backwards at pose 21, so no times are used" in words for words in data.source.notices)
+    assert data.poses.t is None
+    assert data.poses.running is None
+    assert data.poses.history is not None
 
 
 def test_times_that_are_rather_milliseconds_are_said(lab: Arm, tmp_path: Path) -> None:

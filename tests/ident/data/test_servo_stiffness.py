@@ -208,8 +208,7 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
         joint_compliance_rad_per_nm=(0.08, 0.06),
     )
     tcp = synthetic.measure(rig, truth, q, 0.0, 3e-4, seed)
-    number = np.arange(1, len(q) + 1)
-    data = Measurements.of_tcp(poses_of(q), tcp, 3e-4, pose=number)
+    data = Measurements.of_tcp(poses_of(q), tcp, 3e-4)
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     found = fit_identifiable(model, data, model.keys).fit
     drawn, n, p = synthetic.measure(rig, truth, q) - tcp, tcp.size, len(model.keys)

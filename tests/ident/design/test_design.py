@@ -282,6 +282,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     told = json.loads((tmp_path / "d.json").read_text())
     assert told["schema"] == "lrm/design/1"
     assert [rival["effect"] for rival in told["with_these"]["separate"]] == list(RIVALS)
+    assert [set(one) for one in told["limitations"]] == [{"kind", "joints", "numbers", "sentence"}]
     (tmp_path / "m.toml").write_text('schema = "lrm/model/1"\narm = "lrm-lab"\neffects = ["offsets", "compliance"]\n')
     stdout_of("predict", tmp_path / "m.toml", poses, "-o", tmp_path / "p.csv")
     more = tmp_path / "more.csv"

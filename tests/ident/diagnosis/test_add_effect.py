@@ -35,9 +35,9 @@ def play_and_measurements(seed: int, softness: float, width: float) -> tuple[Mod
     base = effects_at(arm, "offsets") + effects_at(arm, "compliance")
     known = dict(zip(FREE, (0.02, 0.08, 0.09), strict=True))
     truth = model_of(arm, (*base, *effects_at(arm, PLAY)), {**known, SOFTNESS: softness, WIDTH: width})
-    poses, number = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES)), np.arange(1, POSES + 1)
+    poses = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES))
     tcp = solve_equilibrium(truth, poses).tcp + rng.normal(0.0, NOISE, (POSES, 3))
-    return replace(model_of(arm, base), free=FREE), Measurements.of_tcp(poses, tcp, pose=number)
+    return replace(model_of(arm, base), free=FREE), Measurements.of_tcp(poses, tcp)
 
 
 @pytest.mark.long
@@ -104,14 +104,14 @@ def test_an_effect_of_many_times_its_typical_size_is_told(seed: int) -> None:
     rng, arm = np.random.default_rng(seed), load_arm("lrm-lab")
     belt, amount = Belt(arm, f"joint{rng.integers(2, 5)}"), rng.uniform(0.02, 0.05) * rng.choice([-1, 1])
     base = effects_at(arm, "offsets") + effects_at(arm, "compliance")
-    poses, number = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES)), np.arange(1, POSES + 1)
+    poses = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES))
     noise = rng.normal(0.0, 3e-4, (POSES, 3))
     known = dict(zip(FREE, (0.02, 0.08, 0.09), strict=True))
     model = replace(model_of(arm, base), free=FREE)
     [key] = belt.keys
     for hidden in (amount, 0.0):
         tcp = solve_equilibrium(model_of(arm, (*base, belt), {**known, key: hidden}), poses).tcp + noise
-        data = Measurements.of_tcp(poses, tcp, pose=number)
+        data = Measurements.of_tcp(poses, tcp)
         found = add_effects(model, data, [belt])
         error = found.standard_error[found.model.free.index(key)]
         if hidden == 0.0:  # it stays at its typical size, and is no cause

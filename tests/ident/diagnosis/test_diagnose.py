@@ -160,6 +160,7 @@ def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(
     assert result["verdict"] == "effect_missing"
     assert (result["ranking"][0]["effect"], result["ranking"][0]["place"]) == ("sway", "joint3")
     assert result["ranking"][0]["verdict"] == "supported"
+    assert all({"kind", "numbers", "sentence"} <= set(one) for one in (*result["audit"], *result["hints"]))
     stdout_of("add", model, data_file, "sway@joint3", "-o", better, "--json", tmp_path / "a.json", *own)
     assert json.loads((tmp_path / "a.json").read_text())["after"]["held_out"]["rms_mm"] < 1.25 * FLOOR * 1e3
     stdout_of("undo", better, "-o", tmp_path / "back.toml")

@@ -69,9 +69,9 @@ def measured(described: ArmDescription, truth: GroundTruth, seed: int, count: in
     truth = base_displacement_to_deviations(described, truth)
     q, plan = random_poses(described, count, seed, floor_m=0.1), even_schedule(count, 6)
     load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
-    tcp, number = measure(described, truth, q, load, NOISE, seed, plan), np.arange(1, count + 1)
+    tcp = measure(described, truth, q, load, NOISE, seed, plan)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s)
-    return Measurements.of_tcp(poses, tcp, NOISE, pose=number)
+    return Measurements.of_tcp(poses, tcp, NOISE)
 
 
 def hidden(described: ArmDescription, seed: int, *effects: HiddenEffect) -> Measurements:

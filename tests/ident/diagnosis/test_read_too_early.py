@@ -17,18 +17,22 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation.misreadings import random_arm_data
 
-NOISE_M, SHARE = 0.0003, 0.02
+NOISE_M = 0.0003
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_step_folds")
-def test_a_tracker_that_is_read_too_early_is_named_and_the_arm_at_rest_deployed(tmp_path: Path) -> None:
-    """Before: a gain of all servos and creep were candidates, and the arm at rest was worse with them than without."""
+@pytest.mark.parametrize("share", [0.02, 0.06])
+def test_a_tracker_that_is_read_too_early_is_named_and_the_arm_at_rest_deployed(tmp_path: Path, share: float) -> None:
+    """Before: a gain of all servos and creep were candidates, and the arm at rest was worse with them than without.
+
+    However early. Before: more than 2.5 % of a move still to come was not plausible, and no cause was named.
+    """
     data, arm, rng = random_arm_data("two-joint", 5, poses=90), load_arm("two-joint"), np.random.default_rng(1)
     effects = effects_at(arm, "offsets") + effects_at(arm, "compliance")
     true = model_of(arm, effects, {"offsets.joint2.theta_rad": 0.02, "compliance.joint2.k_rad_per_Nm": 0.04})
     q = data.poses.q
-    short = q - SHARE * np.diff(q, axis=0, prepend=q[:1])
+    short = q - share * np.diff(q, axis=0, prepend=q[:1])
     data.tcp[:] = solve_equilibrium(true, poses_of(short)).tcp + rng.normal(0.0, NOISE_M, data.tcp.shape)
     path = tmp_path / "data.csv"
     path.write_text(measurements_csv(data))
@@ -38,7 +42,7 @@ def test_a_tracker_that_is_read_too_early_is_named_and_the_arm_at_rest_deployed(
     run, after = study.auto()
     assert [step.added for step in run.steps] == ["", "settling_error@frame"]
     assert run.verdict.quiet
-    assert after.model.value("settling_error.frame.e_rad_per_rad") == pytest.approx(SHARE, rel=0.1)
+    assert after.model.value("settling_error.frame.e_rad_per_rad") == pytest.approx(share, rel=0.1)
     deployed = run.steps[-1].held_out
     assert deployed is not None
     assert deployed.deployed is not None

@@ -38,8 +38,7 @@ def measured(arm: Arm, distances: int) -> Measurements:
     poses = poses_of(rng.uniform(-1.4, 1.4, (count, arm.dof)))
     true = solve_equilibrium(model_of(arm, ()), poses).tcp
     tcp = true + SCALE * (true - true.mean(axis=0)) * [0.0, 0.0, 1.0] + SD * rng.normal(size=true.shape)
-    number = np.arange(1, count + 1)
-    data = Measurements.of_tcp(poses, tcp, SD, pose=number, source=Source(arm=arm))
+    data = Measurements.of_tcp(poses, tcp, SD, source=Source(arm=arm))
     if not distances:
         return data
     far = np.linalg.norm(true - STRING_AT, axis=1) + SD * rng.normal(size=count)

@@ -56,8 +56,7 @@ def base_model(arm: Arm) -> Model:
 
 
 def measured(poses: Poses, tcp: np.ndarray, sd: np.ndarray | None = None) -> Measurements:
-    number = np.arange(1, len(poses) + 1)
-    return Measurements.of_tcp(poses, tcp, sd=sd, pose=number)
+    return Measurements.of_tcp(poses, tcp, sd=sd)
 
 
 def random_truth(arm: Arm, seed: int, option: str = "option1") -> Model:
@@ -347,8 +346,7 @@ def flat_valley(count: int) -> Measurements:
     low, high = 0.7 * np.array([(max(joint.lower, -3.0), min(joint.upper, 3.0)) for joint in arm.joints]).T
     poses = poses_of(rng.uniform(low, high, (count, arm.dof)))
     tcp = solve_equilibrium(model.with_values(np.array(values)), poses).tcp + rng.normal(size=(count, 3)) * 0.3e-3
-    number = np.arange(1, count + 1)
-    return Measurements.of_tcp(poses, tcp, pose=number, source=Source(arm=arm))
+    return Measurements.of_tcp(poses, tcp, source=Source(arm=arm))
 
 
 @pytest.mark.long

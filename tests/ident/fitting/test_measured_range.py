@@ -46,8 +46,7 @@ def wavy(arm: Arm, count: int = 70, upper: float = 0.1, seed: int = 1, size: flo
     q[:, 1] = rng.uniform(-1.4, upper, count)
     true = q + size * np.sin(5.0 * q) * (np.arange(arm.dof) == 1)
     tcp = solve_equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
-    number = np.arange(1, count + 1)
-    return Measurements.of_tcp(poses_of(q), tcp, 2e-4, pose=number, source=Source(arm=arm))
+    return Measurements.of_tcp(poses_of(q), tcp, 2e-4, source=Source(arm=arm))
 
 
 def curved(arm: Arm) -> Model:

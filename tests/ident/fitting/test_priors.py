@@ -36,7 +36,7 @@ from lrm_math.model.model_file import load_covariance
 from tests.conftest import EXAMPLE
 from tests.support.commands import part_of_example, stderr_of, stdout_of
 from tests.support.sweep import examples
-from validation import synthetic
+from validation import synthetic, synthetic_measurements
 from validation.interval_coverage import all_with_prior, option_1
 
 
@@ -65,9 +65,7 @@ def measured(seed: int, count: int, noise: float = 3e-4) -> Measurements:
     """Random poses of a random arm of the independent generator."""
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
     q = synthetic.random_poses(rig, count, seed)
-    tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q, 0.0, noise, seed)
-    number = np.arange(1, count + 1)
-    return Measurements.of_tcp(poses_of(q), tcp, noise, pose=number)
+    return synthetic_measurements.measured(rig, synthetic.GroundTruth.random(rig, seed), q, seed, noise=noise)
 
 
 def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
@@ -354,8 +352,7 @@ def seen_by(truth: Model, count: int, seed: int) -> Measurements:
     poses = poses_of(rng.uniform(-1.2, 1.2, (count, truth.arm.dof)))
     truth = replace(truth, within=measured_range(solve_equilibrium(model_of(truth.arm, ()), poses)))
     tcp = solve_equilibrium(truth, poses).tcp + NOISE * rng.normal(size=(count, 3))
-    number = np.arange(1, count + 1)
-    return Measurements.of_tcp(poses, tcp, pose=number, source=Source(arm=truth.arm))
+    return Measurements.of_tcp(poses, tcp, source=Source(arm=truth.arm))
 
 
 @pytest.mark.long

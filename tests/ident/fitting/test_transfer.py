@@ -53,9 +53,9 @@ def lab_model(seed: int, *more: str) -> tuple[Model, Covariance]:
 
 def measured(model: Model, q: Array, seed: int = 0) -> Measurements:
     """Measurements of a model's arm at commands (rad)."""
-    number, tcp = np.arange(1, len(q) + 1), solve_equilibrium(model, poses_of(q)).tcp
+    tcp = solve_equilibrium(model, poses_of(q)).tcp
     noise = np.random.default_rng(seed).normal(0.0, NOISE, tcp.shape)
-    return Measurements.of_tcp(poses_of(q), tcp + noise, NOISE, pose=number, source=Source(arm=model.arm))
+    return Measurements.of_tcp(poses_of(q), tcp + noise, NOISE, source=Source(arm=model.arm))
 
 
 def on_the_rover(start: TransferredModel, seed: int) -> Model:

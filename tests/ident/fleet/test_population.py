@@ -208,9 +208,8 @@ def fleet(softer: float, folder: Path) -> FleetResult:
         equilibrium = solve_equilibrium(
             model_of(arm, effects, values), poses_of(rng.uniform(-0.8, 0.8, (POSES, arm.dof)))
         )
-        pose = np.arange(1, POSES + 1)
         tcp = equilibrium.tcp + rng.normal(0, 3e-4, (POSES, 3))
-        data = Measurements.of_tcp(equilibrium.poses, tcp, pose=pose, source=Source(arm=arm))
+        data = Measurements.of_tcp(equilibrium.poses, tcp, source=Source(arm=arm))
         name, tags = f"arm{number}", (("batch", "AB"[second]), ("screwdriver", "xy"[number // 2 % 2]))
         evidence = evidence_of(model_of(arm, effects), data, ARM)
         members.append(FleetMember(name, Path(f"{name}.csv"), ARM, tags))

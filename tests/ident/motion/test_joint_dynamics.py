@@ -80,6 +80,31 @@ def test_a_urdf_has_dynamics_and_other_files_are_refused() -> None:
         with_dynamics(ExportedFile(text, "URDF", ()), Path("arm.urdf"), motion(), model_of(load_arm("so100"), ()))
 
 
+def test_play_in_motion_is_a_joint_with_a_range_whatever_is_known_of_stiffness() -> None:
+    mujoco = pytest.importorskip("mujoco", reason="extra mujoco")
+    poses, model = model_of(ARM, ()), motion()
+    play = effect_of(ARM, "motion_play@joint3")
+    values = {**model.values, play.keys[0]: 0.05}
+    model = model.with_joint((*model.of_joint(2), play), values, {})
+    file = with_dynamics(mjcf(poses), Path("arm.xml"), model, poses)
+    built = mujoco.MjModel.from_xml_string(file.text)
+    number = mujoco.mj_name2id(built, mujoco.mjtObj.mjOBJ_JOINT, "elbow_flex_play")
+    np.testing.assert_allclose(built.jnt_range[number], [-0.025, 0.025])
+    assert built.jnt_bodyid[number] == built.jnt_bodyid[number - 1]
+    assert "motion_play@joint3" not in file.left_out
+    by_degrees = mjcf(poses).text.replace('angle="radian" ', "")
+    own = with_dynamics(ExportedFile(by_degrees, "MJCF", ()), Path("arm.xml"), model, poses).text
+    assert np.degrees(0.025) == pytest.approx(mujoco_range(own), rel=1e-5)
+    text = '<robot name="a"><joint name="elbow_flex" type="revolute"/></robot>'
+    assert "motion_play@joint3" in with_dynamics(ExportedFile(text, "URDF", ()), Path("a.urdf"), model, poses).left_out
+
+
+def mujoco_range(text: str) -> float:
+    """The upper end of the elbow's play as its file states it."""
+    (joint,) = (one for one in ElementTree.fromstring(text).iter("joint") if one.get("name") == "elbow_flex_play")
+    return float(joint.get("range", "").split()[1])
+
+
 def test_isaac_lab_gets_the_same_dynamics_by_its_own_names(tmp_path: Path) -> None:
     (tmp_path / "motion.toml").write_text(motion_text(motion(friction=True)))
     out = stdout_of("arm", "export", "so101", "--motion", tmp_path / "motion.toml", "-o", tmp_path / "actuators.json")
@@ -116,7 +141,7 @@ def test_variants_are_as_far_apart_as_the_fit_leaves_open(tmp_path: Path) -> Non
     found = [joint_dynamics(one, model_of(ARM, ()))[0]["wrist_roll"].armature for one in drawn]
     assert np.std(found) == pytest.approx(2.0 * 0.1 / FREQUENCY / SAG / omega**2, rel=0.15)
     tables = {
-        "schema": "lrm/motion/1", "arm": "so101", "effects": [effect.name for effect in open_.effects],
+        "schema": "lrm/motion/2", "arm": "so101", "effects": [effect.name for effect in open_.effects],
         "parameters": dict(open_.values), "sigma": {key: 0.1},
     }  # fmt: skip
     (tmp_path / "motion.toml").write_text(tomli_w.dumps(tables))

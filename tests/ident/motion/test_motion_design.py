@@ -227,7 +227,7 @@ def test_a_move_begins_where_the_arm_was_slow_before_its_readings_count() -> Non
     dt = 0.1
     unfit = np.ones(200)
     unfit[[60, 75, 120, 137]] = 0.0
-    rows, counted = cut(Path("x"), dt, [(unfit, np.arange(200))] * 4, LONGEST_LEAD_S)
+    rows, counted = cut(Path("x"), dt, [(unfit, np.arange(200))] * 4)
     first = rows[np.arange(len(rows)), np.argmax(counted, axis=1)]
     leads = first - rows[:, 0]
     assert len({*leads.tolist()}) > 1

@@ -161,6 +161,15 @@ def test_what_cannot_be_told_is_refused_with_its_reason() -> None:
         own.add("dead_tim@joint2")
 
 
+def test_a_hand_that_never_rests_is_told_of() -> None:
+    frames = recording()
+    assert moves_of(frames, ARM, Path("x")).notices == frames.notices
+    q = np.zeros_like(frames.command)
+    q[:, 0], q[:, 1] = 0.6 * np.sin(1.3 * frames.t), 0.6 * np.cos(1.3 * frames.t)
+    notices = moves_of(replace(frames, feedback=q, command=q), ARM, Path("x")).notices
+    assert "moves begin while the arm moves: let it stand" in notices[-1]
+
+
 def test_a_recording_that_cannot_serve_is_refused_in_one_line() -> None:
     frames = recording(seconds=12.0)
     with pytest.raises(FileError, match="about a minute of motion"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.report.diagnosis.course import attribution_blocks
 from lrm_ident.report.document import Facts
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plots.interactive.values import waterfall_values
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import GEOMETRY, Story, story_of_file
 from lrm_ident.residual.error_breakdown import NestedResidual
@@ -72,6 +74,9 @@ def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file:
         told(file_of(*file.history[:2], step("add mass@link5", 1.7, 1.9, deployed_rms_mm=2.2))).facts
     ).keys() == {"as deployed"}
     assert story.as_json()["nested_rms_mm"] == 2.1
+    assert [label for label, _ in story.ends] == ["nested"]
+    assert story.noise == ("measurement noise", 0.5)
+    assert 2 * 4.8 > story.longest > 4.8, "the bar of the nominal arm is cut short"
 
 
 def test_the_file_keeps_it_and_undo_forgets_what_is_no_longer_so(file: ModelFile, tmp_path: Path) -> None:
@@ -91,6 +96,15 @@ def test_errors_of_the_fit_where_some_are_not_held_out(file: ModelFile) -> None:
     assert story_of_file(file_of(step("fit", 4.6, 4.8))) is None, "an older file does not know the nominal arm's error"
 
 
+def test_the_page_prints_every_error_of_a_story_as_the_terminal_does(file: ModelFile) -> None:
+    """Errors of hundredths of a millimetre have more decimals."""
+    story = replace(told(file), noise_rms_mm=0.0703, nested_rms_mm=0.0712)
+    shown, printed = waterfall_values(story), dict(story.facts)
+    assert shown["noise"]["left"] == "0.070"
+    for row in (*shown["ends"], shown["noise"]):
+        assert printed[row["title"]].startswith(f"{row['left']} mm RMS")
+
+
 @pytest.mark.long
 def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
@@ -99,7 +113,8 @@ def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp
     (axes,) = figure.axes
     labels = [label.get_text().replace("\n", " ") for label in axes.get_yticklabels()]
     assert labels[:2] == ["nominal", GEOMETRY]
-    assert labels[-2:] == ["as deployed", "nested"]
+    assert labels[-1] == "nested"
+    assert "as deployed" not in labels, "where it is the same, it is said once"
     assert "identified cause" in labels[3]
 
 

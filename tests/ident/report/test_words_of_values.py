@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
+from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.symbolic_regression.proposal import NoLaw
+from lrm_ident.report.document import Document, stated
+from lrm_ident.report.fit import deployed_rows
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import NO_LAW, reason_words
 from lrm_ident.report.text.residuals import hint_sentence, scale_sentence
 from lrm_ident.report.text.variables import what_may_change
 from lrm_ident.residual.covariates import ExplanatoryVariable, Kind
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.free_functions import CommonMode, FreeFunction
 from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
 from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
@@ -19,6 +25,7 @@ from lrm_ident.study.notices import Notice, NoticeKind
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.model.covariance import ImplausibleEstimate
+from lrm_math.model.session_state import SessionMemory, StateAfterSession
 
 FUNCTION = FreeFunction(2, (ExplanatoryVariable("angle", 0),), ())
 ABSURD = ImplausibleEstimate("a.b.c_mm", 5.0, 1.0, "mm")
@@ -117,6 +124,17 @@ def test_every_hint_has_its_sentence(hint: ParameterHint, words: str) -> None:
     assert hint_sentence(hint).startswith(words)
 
 
+def test_for_machines_values_stand_beside_their_sentence() -> None:
+    few = Limitation(LimitationKind.FEW_ANGLES, (1, 2), (2, 4))
+    turned = ParameterHint(HintKind.TURNED_FRAME, (0.02,))
+    values = {"audit": stated([few], limitation_sentence), "hints": stated([turned], hint_sentence)}
+    told = json.loads(Document([], "lrm/diagnosis/1", values).json())
+    said = {"sentence": limitation_sentence(few)}
+    assert told["audit"] == [{"kind": "few_angles", "joints": [1, 2], "numbers": [2, 4], **said}]
+    said = {"sentence": hint_sentence(turned)}
+    assert told["hints"] == [{"kind": "turned_frame", "numbers": [0.02], "names": [], **said}]
+
+
 @pytest.mark.parametrize(
     ("notice", "words"),
     [
@@ -128,12 +146,35 @@ def test_every_hint_has_its_sentence(hint: ParameterHint, words: str) -> None:
         ),
         (Notice(NoticeKind.OTHER_EFFECTS, ("own.py", "m.toml")), "own.py is not the file that m.toml was fitted with"),
         (Notice(NoticeKind.OTHER_PRIOR, ("printed",)), "the model was fitted with the prior 'printed'; this goes on"),
+        (
+            Notice(NoticeKind.DIMENSIONS_HELD, ("a", "b")),
+            "2 offsets and compliances that the model's fit held",
+        ),
         (Notice(NoticeKind.FIELD_LEFT_OUT), "the residual field is left out here: it is no cause; add it again when"),
         (Notice(NoticeKind.OUTLIERS, poses=(9,)), "outliers, left out: pose 9"),
     ],
 )
 def test_every_notice_is_printed_in_words(notice: Notice, words: str) -> None:
     assert str(notice).startswith(words)
+
+
+SHOWN, MORE = ErrorStats(1.5e-3, 2.0e-3, 3e-3, 1e-3), ErrorStats(2.5e-3, 3.0e-3, 4e-3, 1e-3)
+
+
+def test_the_error_from_the_daemons_record_leads_and_the_one_without_stands_below() -> None:
+    """The first was left out where it is that in the session, and only the second was called *as deployed*."""
+    state = StateAfterSession({"creep@joint2": "last"}, {}, memory={"creep@joint2": SessionMemory({}, (0.0,), (1.0,))})
+    rows = deployed_rows(DeployedError(SHOWN, time_unknown=MORE, state=state), SHOWN)
+    assert rows == [
+        ("held out, as deployed on the arm", SHOWN),
+        ("as deployed, no record of its moves", MORE),
+    ]
+    assert deployed_rows(DeployedError(SHOWN, time_unknown=MORE), SHOWN)[1][0] == "as deployed, power-on time unknown"
+
+
+def test_an_error_as_deployed_that_is_that_in_the_session_is_not_repeated() -> None:
+    assert deployed_rows(DeployedError(SHOWN, time_unknown=SHOWN), SHOWN) == []
+    assert deployed_rows(DeployedError(MORE), SHOWN) == [("held out, as deployed on the arm", MORE)]
 
 
 def test_a_scale_that_is_open_asks_for_a_known_length() -> None:

@@ -37,8 +37,7 @@ def measured(arm: Arm, with_joint4: bool, upper: bool = True, count: int = 120) 
     true = q.copy()
     true[:, 2] += 0.02 * q[:, 0] * (q[:, 3] if with_joint4 else 1.0)
     tcp = solve_equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
-    number = np.arange(1, count + 1)
-    return Measurements.of_tcp(poses_of(q), tcp, 2e-4, pose=number, source=Source(arm=arm))
+    return Measurements.of_tcp(poses_of(q), tcp, 2e-4, source=Source(arm=arm))
 
 
 def fitted(arm: Arm, data: Measurements) -> tuple[Model, Model]:
@@ -90,8 +89,7 @@ def test_a_wave_whose_form_is_wrong_ends_with_the_range_of_its_joint(lab: Arm) -
     true = q.copy()
     true[:, 2] += 0.008 * (np.sin(4.0 * q[:, 2]) + 0.5 * np.cos(8.0 * q[:, 2]))
     tcp = solve_equilibrium(model_of(lab, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(len(q), 3))
-    number = np.arange(1, len(q) + 1)
-    data = Measurements.of_tcp(poses_of(q), tcp, 2e-4, pose=number, source=Source(arm=lab))
+    data = Measurements.of_tcp(poses_of(q), tcp, 2e-4, source=Source(arm=lab))
     plain = model_of(lab, [e for name in ("offsets", "compliance") for e in effects_at(lab, name)])
     wave = add_effects(
         fit_identifiable(plain, data, plain.keys).fit.model, data, effects_at(lab, "gear_ripple@joint3")

@@ -14,10 +14,14 @@ import pytest
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.source import Source
 from lrm_ident.study.inputs import arm_from
+from lrm_ident.study.notices import NoticeKind
+from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.model_file import ProvenanceTable
@@ -274,3 +278,23 @@ def test_poses_are_read_as_the_data_of_the_fit(tmp_path: Path) -> None:
     as_read = predicted.read_text()
     stdout_of("predict", model, right, "--joint-sign", "1,1", "-o", predicted)
     assert predicted.read_text() == as_read
+
+
+def test_what_a_held_dimension_explains_is_no_evidence_for_an_effect() -> None:
+    """The base stands obliquely and the fit held its angles: `offsets@base`, `offsets@joint1` were called missing."""
+    arm, rng, count, noise = load_arm("two-joint"), np.random.default_rng(3), 120, 1e-4
+    effects = [*effects_at(arm, "offsets"), *effects_at(arm, "compliance")]
+    true = model_of(arm, effects, {"offsets.base.alpha_rad": 0.03, "offsets.base.beta_rad": 0.05})
+    poses = poses_of(rng.uniform(-1.2, 1.2, (count, arm.dof)))
+    tcp = solve_equilibrium(true, poses).tcp + rng.normal(0.0, noise, (count, 3))
+    source = Source(Path("data.csv"), "0" * 64, arm=arm, arm_name="two-joint")
+    data = Measurements.of_tcp(poses, tcp, noise, pose=np.arange(1, count + 1), source=source)
+    study = Study.of(data).fit("compliance.*,offsets.joint?.theta_rad")
+    course, after = study.auto()
+    assert course.verdict == "nothing_missing"
+    assert [step.added for step in course.steps] == [""]
+    assert [str(entry.name) for entry in after.file.history] == ["fit", "with the prior typical"]
+    before, now = (entry.held_out_rms_mm or 0.0 for entry in after.file.history)
+    assert before > 10.0 * now > 0.0
+    assert [notice.kind for notice in after.notices] == [NoticeKind.DIMENSIONS_HELD]
+    assert len(after.model.free) == len(after.model.keys)

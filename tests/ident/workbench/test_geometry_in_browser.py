@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,25 @@ PLACES = """(() => {
 """px where the head ends, what the tour frames begins, its card begins."""
 
 
+STEPS = [
+    ["lrm-ident add /home/rover/arms/model.toml /home/rover/arms/data.csv mass@link5", "Adds it.", "", ""],
+    ["lrm-ident design --separate eccentricity@joint4,base_curve@base,cable_spring@joint4", "Writes poses.", "", "or"],
+    ["lrm deploy /home/rover/arms/model.toml", "Gives the model to lrmd.", "", "or, without new poses"],
+]
+"""What to do next, as `figure_values` gives it: command, words, what to run then, how it stands to the one before."""
+BREAKS = """[...document.querySelectorAll("#lrm-next code span")].flatMap((word) => {
+  const signs = [...word.childNodes].filter((one) => one.nodeType === Node.TEXT_NODE).flatMap((text) =>
+    [...text.data].map((sign, k) => {
+      const range = document.createRange();
+      range.setStart(text, k);
+      range.setEnd(text, k + 1);
+      return { sign, top: range.getBoundingClientRect().top };
+    }));
+  return signs.slice(1).flatMap((one, k) => (one.top > signs[k].top + 2 ? [signs[k].sign] : []));
+})"""
+"""The last sign of each line within a word of a command."""
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report of a model with four effects."""
@@ -116,6 +136,15 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
     assert page.evaluate(SKETCHES, SKETCH_KINDS) == []
     for card, bar in page.evaluate(COLOURS_OF_STEPS):
         assert card == bar, "a card has the colour of its step"
+    page.evaluate("(commands) => lrm.show({ ...lrm.state.values, commands })", STEPS)
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 844})
+        settle(page, SETTLED_MS)
+        assert set(page.evaluate(BREAKS)) <= {",", "/"}, "a name is broken in two"
+        assert re.findall(r"\S+ ?or\b.*:", page.inner_text("#lrm-next")) == [], "every step begins a line"
+    page.evaluate("lrm.theme('dark')")
+    assert page.evaluate("getComputedStyle(document.getElementById('lrm-what-if-size')).colorScheme") == "dark"
+    page.evaluate("lrm.theme('light')")
     page.emulate_media(media="print")
     page.evaluate("lrm.print(true)")
     assert page.evaluate(PRINTED) == [5, "exact", True], "tables keep their headings, bars are printed"

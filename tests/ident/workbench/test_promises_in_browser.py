@@ -34,7 +34,7 @@ FOCUSED = """(() => {
 def floor_line(page: Any) -> Any:
     """Noise (mm) whose line the waterfall shows; None where it shows none."""
     shown = "document.querySelector('.lrm-waterfall')?.style.getPropertyValue('--noise')"
-    return page.evaluate(f"parseFloat({shown}) > 0 ? lrm.state.values.story.noise_rms_mm : null")
+    return page.evaluate(f"parseFloat({shown}) > 0 ? lrm.state.values.story.noise.rms_mm : null")
 
 
 @pytest.mark.slow

@@ -12,7 +12,13 @@ from lrm_math.effects.reference import EffectRef, ParameterRef, effect_of
 from tests.conftest import ROOT
 from tests.support.source_files import files
 
-BY_HAND = re.compile(r'partition\("@"\)|split\("@"|\}@\{|"@"\.join|key\.(split\("\."|partition\("\."|startswith\()')
+BY_HAND = re.compile(
+    r"""(partition|split)\(['"](@|<-)['"]\)|place\.split\(|\D\}(@|<-)\{|['"](@|<-)['"]\.join"""
+    r"""|\bkey\.(r?split\(['"]\.|r?partition\(['"]\.|startswith\(['"(])"""
+)
+"""Names of effects, of pairs of joints and of parameters that are built or parsed."""
+STANDING_ALONE = ("reference.py", "place_names.py", "score.py")
+"""References, places, and the benchmark's scorer, which needs Python alone."""
 
 
 @pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.id)
@@ -36,12 +42,13 @@ def test_a_key_has_three_parts() -> None:
         ParameterRef.parse("backlash.joint2")
 
 
-def test_names_are_built_and_parsed_in_one_file() -> None:
-    packages = ("lrm_math", "lrm_ident", "lrmd", "lrm_ros2")
+def test_names_are_built_and_parsed_in_one_place() -> None:
+    plug_ins = ("lrm_ros2", "lrm_skills", "lerobot_robot_lrm")
+    packages = ("lrm_math", "lrm_ident", "lrmd", *plug_ins, "validation", "examples")
+    paths = [path for package in packages for path in files(package)]
     by_hand = {
-        str(path.relative_to(ROOT)): found
-        for package in packages
-        for path in files(package)
-        if path.name != "reference.py" and (found := BY_HAND.findall(path.read_text(encoding="utf-8")))
+        str(path.relative_to(ROOT)): [found.group() for found in BY_HAND.finditer(path.read_text(encoding="utf-8"))]
+        for path in paths
+        if path.name not in STANDING_ALONE
     }
-    assert by_hand == {}
+    assert not any(by_hand.values()), {path: found for path, found in by_hand.items() if found}

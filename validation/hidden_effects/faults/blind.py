@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.hidden_effects.faults.measurement import BASE, HealthyMeasurement, SpoiledMeasurement
+from lrm_math.arm.place_names import both, turned_by
+from lrm_math.effects.reference import EffectRef
+from validation.hidden_effects.faults.measurement import BASE, HealthyMeasurement, SpoiledMeasurement, at_joint
 
 
 def wears_where_it_works(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -13,7 +15,7 @@ def wears_where_it_works(taken: HealthyMeasurement) -> SpoiledMeasurement:
     side = np.tanh(20.0 * np.cos(taken.q[:, 1 : joint + 1].sum(axis=1)))
     worn = np.exp(-((taken.q[:, joint] / np.radians(35.0)) ** 2))
     by = np.radians(taken.rng.uniform(1.0, 1.8)) * side * worn
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"backlash@joint{joint + 1}",))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "backlash"))
 
 
 def gives_way_beyond_a_torque(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -23,7 +25,7 @@ def gives_way_beyond_a_torque(taken: HealthyMeasurement) -> SpoiledMeasurement:
     beyond = np.sign(torque) * np.maximum(np.abs(torque) - 0.4 * np.abs(torque).max(), 0.0)
     by = np.radians(taken.rng.uniform(1.5, 2.5)) * beyond / np.abs(beyond).max()
     named = ("nonlinear_stiffness", "torque_curve", "compliance", "backlash")
-    return SpoiledMeasurement(taken.moved(joint, by), right=tuple(f"{name}@joint{joint + 1}" for name in named))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *named))
 
 
 def another_marker(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -64,7 +66,7 @@ def stands_off_beyond_zero(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     by = np.radians(taken.rng.uniform(0.5, 0.9)) * (taken.q[:, joint] > 0.0)
     named = ("servo_gain", "eccentricity", "cable_spring", "angle_curve")
-    return SpoiledMeasurement(taken.moved(joint, by), right=tuple(f"{name}@joint{joint + 1}" for name in named))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *named))
 
 
 def overshoots_by_the_way(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -72,7 +74,7 @@ def overshoots_by_the_way(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     by = taken.rng.uniform(0.008, 0.015) * np.diff(taken.q[:, joint], prepend=0.0)
     named = ("hysteresis", "friction_curve")
-    return SpoiledMeasurement(taken.moved(joint, by), right=tuple(f"{name}@joint{joint + 1}" for name in named))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *named))
 
 
 def servo_replaced(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -80,7 +82,7 @@ def servo_replaced(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint, since = taken.joint(), np.arange(len(taken.q)) >= taken.moment()
     off, gain = np.radians(taken.rng.uniform(0.5, 1.0)), taken.rng.uniform(0.008, 0.015)
     by = since * (off + gain * taken.q[:, joint])
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"change_point@joint{joint + 1}",))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "change_point"))
 
 
 def somebody_walks_by(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -99,7 +101,7 @@ def follows_a_square(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     before = taken.q[:, joint - 1]
     by = np.radians(taken.rng.uniform(0.8, 1.4)) * (before / np.abs(before).max()) ** 2
-    named = ("coupling", "coupling_curve")
-    places = f"joint{joint + 1}<-joint{joint}"
-    also = tuple(f"cable_curve@joint{a}+joint{b}" for a, b in ((joint, joint + 1),))
-    return SpoiledMeasurement(taken.moved(joint, by), right=(*(f"{name}@{places}" for name in named), *also))
+    one, other = f"joint{joint}", f"joint{joint + 1}"
+    place = turned_by(other, one)
+    right = EffectRef("coupling", place), EffectRef("coupling_curve", place), EffectRef("cable_curve", both(one, other))
+    return SpoiledMeasurement(taken.moved(joint, by), right=tuple(map(str, right)))

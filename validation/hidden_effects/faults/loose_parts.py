@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
+from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement, at_joint
 
 
 def _slips(taken: HealthyMeasurement, joint: int, degrees: float) -> SpoiledMeasurement:
@@ -45,16 +45,14 @@ def play_grows(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     side = np.tanh(20.0 * np.cos(taken.q[:, 1 : joint + 1].sum(axis=1)))
     by = np.radians(taken.rng.uniform(0.6, 1.2)) * taken.progress * side
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"backlash@joint{joint + 1}",))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "backlash"))
 
 
 def warms_when_loaded(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """A servo drifts with the work that it has done."""
     work, joint = np.cumsum(taken.weight_moment**2), taken.joint()
     by = np.radians(taken.rng.uniform(0.8, 1.5)) * (work / work[-1]) * taken.weight_moment
-    return SpoiledMeasurement(
-        taken.moved(joint, by), right=(f"drift@joint{joint + 1}", f"drift_curve@joint{joint + 1}")
-    )
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "drift", "drift_curve"))
 
 
 def sticks(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -75,9 +73,7 @@ def cable_winds(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """A cable catches now and then: a joint stands off by steps that add up and let go."""
     steps = (taken.rng.random(len(taken.q)) < 0.06) * taken.rng.normal(size=len(taken.q))
     joint = taken.joint()
-    named = tuple(
-        f"{name}@joint{joint + 1}" for name in ("change_point", "second_change_point", "drift", "drift_curve")
-    )
+    named = at_joint(joint, "change_point", "second_change_point", "drift", "drift_curve")
     return SpoiledMeasurement(taken.moved(joint, np.radians(0.4) * np.cumsum(steps)), right=named)
 
 
@@ -86,4 +82,4 @@ def tool_slips_under_load(taken: HealthyMeasurement) -> SpoiledMeasurement:
     loaded = np.cumsum(taken.load > 0.0) > len(taken.load) // 5
     by = np.radians(taken.rng.uniform(1.5, 3.0)) * loaded
     joint = taken.q.shape[1] - 2
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"change_point@joint{joint + 1}",))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "change_point"))

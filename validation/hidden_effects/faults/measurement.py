@@ -8,11 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import EffectRef
 
 NOISE_M = 0.0003  # per axis
 QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")
 BASE = ("session@base", "drift@base", "drift_curve@base", "change_point@base")
 """Names of a base, or a tracker, that moves as a whole."""
+
+
+def at_joint(joint: int, *effects: str) -> tuple[str, ...]:
+    """Names of effects at a joint, which counts from 0."""
+    return tuple(str(EffectRef(effect, f"joint{joint + 1}")) for effect in effects)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
+from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement, at_joint
 
 COMMON = ("common_gain@servos",)
+OF_ANGLE = ("angle_curve", "eccentricity", "servo_gain", "cable_spring")
+"""Effects of what a joint does over its own angle."""
 
 
 def supply_sags(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -43,7 +45,7 @@ def damaged_tooth(taken: HealthyMeasurement) -> SpoiledMeasurement:
     middle = taken.rng.choice(taken.q[:, joint])
     apart = (taken.q[:, joint] - middle) / np.radians(6.0)
     by = np.radians(taken.rng.uniform(0.8, 1.2)) * np.exp(-(apart**2))
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"angle_curve@joint{joint + 1}", *_of_angle(joint)))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *OF_ANGLE))
 
 
 def soft_stop(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -51,7 +53,7 @@ def soft_stop(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     start = np.quantile(taken.q[:, joint], 0.8)
     by = -taken.rng.uniform(0.06, 0.10) * np.maximum(taken.q[:, joint] - start, 0.0)
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"angle_curve@joint{joint + 1}", *_of_angle(joint)))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *OF_ANGLE))
 
 
 def table_of_the_servo(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -59,7 +61,7 @@ def table_of_the_servo(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     knots = np.linspace(taken.q[:, joint].min(), taken.q[:, joint].max(), 5)
     by = np.interp(taken.q[:, joint], knots, np.radians(taken.rng.uniform(-0.8, 0.8, 5)))
-    return SpoiledMeasurement(taken.moved(joint, by), right=(f"angle_curve@joint{joint + 1}", *_of_angle(joint)))
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *OF_ANGLE))
 
 
 def frequency_drifts(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -85,8 +87,3 @@ def rubs(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     by = np.sin(2.0 * taken.q[:, joint]) * np.cos(taken.q[:, joint + 1])
     return SpoiledMeasurement(taken.moved(joint, np.radians(taken.rng.uniform(0.6, 0.9)) * by))
-
-
-def _of_angle(joint: int) -> tuple[str, ...]:
-    """Plain names of what a joint does over its own angle."""
-    return tuple(f"{name}@joint{joint + 1}" for name in ("eccentricity", "servo_gain", "cable_spring"))

@@ -20,7 +20,7 @@ from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, of_data, rivals
-from lrm_ident.report.story import GEOMETRY, StoryStep
+from lrm_ident.report.story import GEOMETRY, Story, StoryStep
 from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
@@ -56,7 +56,6 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     turns, lever = found.field.steps[-1].turns, found.field.lever
     left = [explained_by_means(turns, lever, one.values) for one in found.covariates]
     joint, driver = shown_most(left, found.covariates, range(len(lever)))
-    steps = [{**plain(one), "left": in_mm(one.rms_mm * MM)} for one in story.steps] if story else []
     cards = zip(found.cards, story.later if story else (), found.attributions, strict=True)
     return {
         **_drawn(found.field, found.poses),
@@ -72,16 +71,26 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             for entry, step in zip(history, found.field.steps, strict=False)
         ],
         "unseen": UNSEEN,
-        "story": None if story is None else {**plain(story), "steps": steps},
+        "story": None if story is None else waterfall_values(story),
         "cards": [_card(found, story is not None and story.held_out, *each) for each in cards],
         "floor": found.floor_mm,
-        "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": {"joint": joint, "driver": driver},  # shown first: the chart that shows most of what the model leaves
         "next": "" if commands else known.get("next_poses_hint", ""),
         "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
+
+
+def waterfall_values(story: Story) -> dict[str, Any]:
+    """A story with the rows of its waterfall: the steps, the errors below these, the noise, each as it is printed."""
+    ends = [
+        {"title": title, "kind": "end", "number": None, "before_rms_mm": mm, "rms_mm": mm, "left": in_mm(mm * MM)}
+        for title, mm in (*story.ends, *([story.noise] if story.noise else []))
+    ]
+    noise = ends.pop() if story.noise else None
+    steps = [{**plain(one), "left": in_mm(one.rms_mm * MM)} for one in story.steps]
+    return {**plain(story), "steps": steps, "ends": ends, "noise": noise, "longest": story.longest}
 
 
 def _drawn(field: ErrorField, data: Measurements) -> dict[str, Any]:

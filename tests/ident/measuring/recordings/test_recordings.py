@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import chain, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -252,6 +253,21 @@ def test_rests_are_found_where_the_tip_stands_still() -> None:
     for rows, tip in zip(rests, TIPS, strict=True):
         assert len(rows) == pytest.approx(RATE, abs=2)
         np.testing.assert_array_equal(tips[rows], np.tile(tip, (len(rows), 1)))
+
+
+@pytest.mark.parametrize(("rate", "noise_m"), [(20.0, 3e-4), (20.0, 1e-3), (100.0, 1e-3), (30.0, 0.0)])
+def test_rests_are_found_through_the_noise_of_a_cheap_tracker(rate: float, noise_m: float) -> None:
+    """Seventy rests, as a webcam or a cheap tracker sees them: two frames differ by more than any sag."""
+    rng = np.random.default_rng(7)
+    places = rng.uniform([0.1, -0.3, 0.1], [0.4, 0.3, 0.4], (70, 3))
+    moves = (np.linspace(before, place, round(2.0 * rate)) for before, place in pairwise(places))
+    stands = [np.tile(place, (round(3.0 * rate), 1)) for place in places]
+    tips = np.concatenate([stands[0], *chain.from_iterable(zip(moves, stands[1:], strict=True))])
+    noisy = tips + rng.normal(scale=noise_m, size=tips.shape)
+    rests = still_rests(np.arange(len(tips)) / rate, noisy, 1.0)
+    assert len(rests) == len(places)
+    for rows, place in zip(rests, places, strict=True):
+        np.testing.assert_array_equal(tips[rows], np.tile(place, (len(rows), 1)))
 
 
 def published(folder: Path, q: np.ndarray, tips: np.ndarray) -> tuple[Path, Path]:

@@ -3,7 +3,7 @@
 "use strict";
 function lrmCandidates(page) {
   const { state, place, fill, words, draw, poseOf, wireScatter } = page;
-  const { colour, binned, range, at, dots, line, titled } = lrmChart;
+  const { colour, means, range, at, dots, line, titled } = lrmChart;
   const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
@@ -47,17 +47,15 @@ function lrmCandidates(page) {
     if (!driver || !step) return;
     const one = candidate(), all = step.turns[state.joint], rows = page.points(), sample = page.sample();
     const y = active(state.step, one) ? without(all, one.turns[state.joint]) : all;
-    const means = binned(at(driver.values, sample), at(y, sample));
-    const seen = range(at(y, rows), v.steps[0].turns[state.joint]), marks = { mode: "lines+markers" }; // the range is the same for all steps
+    const seen = range(at(y, rows), v.steps[0].turns[state.joint]), x = at(driver.values, sample); // the range is the same for all steps
     const traces = [
       dots("residual, as a turn", at(driver.values, rows), at(y, rows), { color: colour("model"), opacity: 0.55 },
         { ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>" }),
-      line("its mean", means.x, means.y, { color: colour("ink"), width: 2 }, { ...marks, marker: { symbol: "square", size: 6 } }),
+      means("its mean", x, at(y, sample), { color: colour("ink"), width: 2 }),
     ];
     if (one && state.step === v.steps.length - 1) {
-      const times = size(), says = binned(at(driver.values, sample), at(one.turns[state.joint], sample).map((y) => y === null ? y : times * y));
-      traces.push(line("what the chosen effect would explain", says.x, says.y, { color: colour("held"), width: 3, dash: "dash" },
-        { ...marks, marker: { symbol: "diamond", size: 7 } }));
+      const says = at(one.turns[state.joint], sample).map((y) => (y === null ? y : size() * y));
+      traces.push(means("what the chosen effect would explain", x, says, { color: colour("held"), width: 3, dash: "dash" }, { marker: { symbol: "diamond", size: 7 } }));
     }
     const beyond = seen.beyond ? ` (${seen.beyond} beyond)` : "", y_title = `turn of joint ${state.joint + 1}, deg${beyond}`;
     draw("turn", traces, { xaxis: titled(driver.label), yaxis: titled(y_title, { range: seen.limits }) }, wireScatter);
@@ -73,15 +71,16 @@ function lrmCandidates(page) {
 
   function drawRanking(choose) {
     const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
+    const drawn = (one) => one.gain !== null && !["no_evidence", "refused"].includes(one.standing); // no bar of what chance does as well
     const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"), ...some((one) => one.held === "–", "– not refitted"),
-      ...some((one) => one.gain !== null, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
+      ...some(drawn, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
     lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
-    const known = v.ranking.filter((one) => one.gain !== null), above = (one) => one.heldOut + one.gain - (v.floor ?? 0);
+    const known = v.ranking.filter(drawn), above = (one) => one.heldOut + one.gain - (v.floor ?? 0);
     const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
     const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" data-name="${one.name}" title="${one.mark}">
         <input type="radio" name="lrm-candidate" value="${one.name}"${one.name === state.candidate ? lrmHtml` checked` : ""}>
-        <span class="lrm-bar" style="width: ${100 * Math.max(0, one.gain) / most}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
+        <span class="lrm-bar" style="width: ${drawn(one) ? 100 * Math.max(0, one.gain) / most : 0}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
         <span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></label>`)}`);
     list.onchange = (event) => { choose(event.target.value); list.querySelector(":checked").focus({ preventScroll: true }); };
   }
@@ -96,8 +95,7 @@ function lrmCandidates(page) {
     return Array.isArray(value) ? value.map((c, k) => c - state.size * part[k]) : value - state.size * part;
   });
   const size = () => state.size || 1; // times the estimate at which the form is drawn
-  const square = (r) => r[0] ** 2 + r[1] ** 2 + r[2] ** 2;
-  const rms = (residual) => Math.sqrt(page.sample().reduce((sum, row) => sum + square(residual[row]), 0) / page.sample().length);
+  const rms = (residual) => Math.hypot(...page.sample().flatMap((row) => residual[row])) / Math.sqrt(page.sample().length);
   const active = (number, one) => state.size > 0 && one && number === state.values.steps.length - 1;
 
   function says(one) {

@@ -56,6 +56,9 @@ const lrmChart = (() => {
     return curve(groups.map((g) => mean(g, x)), groups.map((g) => mean(g, y)));
   }
 
+  // These means as squares joined by a line.
+  const means = (name, x, y, ink, more) => ({ ...line(name, [], [], ink), ...binned(x, y), mode: "lines+markers", marker: { symbol: "square", size: 6 }, ...more });
+
   // A range for most of some values, and how many of others are beyond; a joint that hardly moves the TCP makes a few
   // enormous turns.
   function range(values, most = values) {
@@ -81,7 +84,7 @@ const lrmChart = (() => {
   });
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: [["zoom2d", "select2d", "resetScale2d"]] };
-  return { colour, dots, line, titled, upright, named, draw, at, binned, range, fit };
+  return { colour, dots, line, titled, upright, named, draw, at, means, range, fit };
 })();
 
 // Charts are drawn one at a time, the nearest to what is seen first, so that the page answers in between.

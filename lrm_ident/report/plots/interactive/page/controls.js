@@ -23,7 +23,7 @@ function lrmControls(page) {
     on("step", (value) => showStep(Number(value)));
     on("beside", (value) => {
       [state.beside, state.paired] = [value === "" ? null : Number(value), true];
-      page.drawField(); resize(); page.drawStory(showStep);
+      page.drawField(); page.drawStory(showStep);
     });
     on("marked", (value) => page.brush(value ? new Set(state.values.marked[value]) : null));
     on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) page.hover(row); });
@@ -67,11 +67,5 @@ function lrmControls(page) {
     emit("lrm_step", number);
   }
 
-  function resize() {
-    for (const figure of document.querySelectorAll(".js-plotly-plot")) {
-      if (figure.offsetParent) Plotly.Plots.resize(figure);
-    }
-  }
-
-  return { fillControls, wireControls, tellChosen, choose, showStep, resize };
+  return { fillControls, wireControls, tellChosen, choose, showStep };
 }

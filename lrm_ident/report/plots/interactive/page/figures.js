@@ -29,10 +29,7 @@ const lrm = (() => {
     const before = state.values, known = new Set(values.drivers.map((d) => d.name));
     state.values = values;
     const same = before && before.data === values.data;
-    if (same && values.floor === null && values.bound === null) {
-      [values.floor, values.bound] = [before.floor, before.bound];
-      for (const key of ["noise_rms_mm", "noise_bound_rms_mm"]) if (values.story && before.story) values.story[key] = before.story[key];
-    }
+    if (same && values.story && before.story && !values.story.noise) [values.floor, values.story.noise] = [before.floor, before.story.noise];
     const last = values.steps.length - 1;
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
@@ -80,7 +77,7 @@ const lrm = (() => {
   }
 
   const { theme, print } = lrmAppearance(redraw, arrange, finish);
-  const { rover, nextPoses, soon: ready, resize, brush, hover } = page;
-  return { show, load, theme, print, rover, nextPoses, ready, resize, choose, showStep, brush, hover, state, scenes };
+  const { rover, nextPoses, soon: ready, brush, hover } = page;
+  return { show, load, theme, print, rover, nextPoses, ready, choose, showStep, brush, hover, state, scenes };
 })();
 window.lrm = lrm;

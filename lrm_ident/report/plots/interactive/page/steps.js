@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, fill, draw, words } = page;
-  const { colour, binned, at, dots, line, titled } = lrmChart;
+  const { colour, means, at, dots, titled } = lrmChart;
   const plural = (count, word) => `${count} ${word}${count > 1 ? "s" : ""}`;
 
   // The candidate that the verdict names, if it is a cause: what has none has no picture of one.
@@ -30,14 +30,13 @@ function lrmSteps(page) {
     place("verdict").textContent = now ? own : earlier;
   }
 
-  // A command to copy, whose lines break between its words, never inside an option.
-  function code(command) {
-    return lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${word}</span>`)}</code>`;
-  }
+  // A command to copy, whose lines break between its words; one that is longer than a line, after a comma or slash.
+  const parts = (word) => word.split(/(?<=[,/])/).map((part, k) => lrmHtml`${k ? lrmHtml`<wbr>` : ""}${part}`);
+  const code = (command) => lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${parts(word)}</span>`)}</code>`;
 
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`${k ? `${lead}: ` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}`);
+    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`<span class="lrm-next-step">${k ? `${lead}: ` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}</span>`);
     return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
   }
 
@@ -76,7 +75,7 @@ function lrmSteps(page) {
 
   function article(card) {
     const fall = `${card.fall} mm`.replaceAll(" ", "\u00a0"), one = card.equivalent.length ? "If it is this one: " : "";
-    const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
+    const share = card.share === null || !card.adds ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
     const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${Number(card.ratio.toPrecision(2))} times as much squared error stays unexplained, so another cause may stand behind it.`;
     const rivals = lrmHtml`<h4>${card.equivalent.length ? "What else it could be" : "The other candidates"}, and what each alone would have left</h4>
       <ul>${card.rivals.map((rival) => lrmHtml`<li>${rival.title} (${rival.name}): ${rival.why}</li>`)}</ul>`;
@@ -84,7 +83,7 @@ function lrmSteps(page) {
       <div class="lrm-card-says">${lrmSketch(card.sketch)}
         <p>${card.claim ? `${one}${card.claim}. ` : ""}RMS error ${card.held_out ? state.values.unseen : "on these data"}: ${fall}${share}.${left}</p>
         ${card.unrivalled ? lrmHtml`<p>No other effect explained it as well.</p>` : ""}
-        ${card.rivals.length ? rivals : card.unrivalled ? "" : lrmHtml`<p class="lrm-soft">${others(card)}</p>`}</div>
+        ${card.rivals.length ? rivals : card.unrivalled || !card.adds ? "" : lrmHtml`<p class="lrm-soft">${others(card)}</p>`}</div>
       <div class="lrm-figure lrm-card-figure" id="lrm-card-${card.number}"></div><p class="lrm-sample lrm-soft"></p>
       ${card.estimates.length ? lrmHtml`<details class="lrm-soft"><summary>${plural(card.estimates.length, "coefficient")} of ${card.name}</summary><p>${card.estimates.join(", ")}</p></details>` : ""}</article>`;
   }
@@ -96,12 +95,11 @@ function lrmSteps(page) {
     if (!driver) return;
     const rows = page.sample(), x = at(driver.values, rows);
     const points = (name, y, color, symbol) => dots(name, x, at(y, rows), { symbol, color, opacity: 0.35 }, { hoverinfo: "skip" });
-    const mean = (name, y, color, more) => ({ ...line(name, x, y, { color, width: 3 }), mode: "lines+markers", ...binned(x, at(y, rows)),
-      marker: { size: 6, symbol: "square" }, ...more });
+    const mean = (name, y, color, more) => means(name, x, at(y, rows), { color, width: 3 }, more);
     const traces = [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"), { fill: "tonexty", fillcolor: colour("bar") })];
-    const means = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
-    const most = Math.max(2.2 * Math.max(...means), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
+    const heights = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
+    const most = Math.max(2.2 * Math.max(...heights), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
     draw("card-" + card.number, traces, { dragmode: false, xaxis: titled(driver.label + (beyond ? `<br>not shown: ${plural(beyond, "point")} beyond` : "")),
       yaxis: titled(`turn of joint ${card.joint + 1}, deg`, { range: [-most, most] }) });
   }

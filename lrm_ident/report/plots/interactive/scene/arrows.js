@@ -2,7 +2,6 @@
 "use strict";
 const lrmArrows = (() => {
   const { colour, stroke, disc, diamond } = lrmPen;
-  const norm = (v) => Math.hypot(v[0], v[1], v[2]);
 
   // Steps of one scale from light to dark (dark to light on a dark page) that keep their order without colour.
   function steps(count) {
@@ -25,7 +24,7 @@ const lrmArrows = (() => {
     const c = content, colours = steps(c.colours), out = [], ink = colour("ink"), pale = colour("grid"), accent = colour("accent");
     c.residual.forEach((r, row) => {
       if (!seen(row)) return;
-      const size = norm(r), foot = dots[row], is = c.marked && c.marked.has(row), dim = c.marked && !is;
+      const size = Math.hypot(...r), foot = dots[row], is = c.marked && c.marked.has(row), dim = c.marked && !is;
       const tip = c.tcp[row].map((p, k) => p + c.magnification * r[k]), end = at(tip), hue = colours[
         Math.min(Math.floor(size / c.largest * c.colours), c.colours - 1)];
       const heads = size ? head(r, size).map((h) => at(tip.map((p, k) => p + c.magnification * h[k]))) : [];

@@ -1,8 +1,8 @@
-// The box around a scene with its ground, grid and labels in mm, and the bar of the arrows' colours.
+// The box around a scene with its floor, grid and labels in mm, and the bar of the arrows' colours.
 "use strict";
 const lrmAxes = (() => {
   const END_ON = 40; // px
-  const { colour, polygon, lettering } = lrmPen;
+  const { colour, stroke, polygon, lettering } = lrmPen;
 
   function ticks(low, high) {
     const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
@@ -11,30 +11,21 @@ const lrmAxes = (() => {
     return out;
   }
 
-  // The plane that the arm's shadow falls on: the floor of the box.
-  function ground(pen, [[left, front, down], [right, back]], at) {
-    polygon(pen, [[left, front], [right, front], [right, back], [left, back]].map(([x, y]) => at([x, y, down])), colour("ground"));
-  }
-
   const moved = (p, k, value) => p.map((c, j) => (j === k ? value : c));
 
   function axes(pen, box, at) {
     const [low, high] = box, grid = [0, 1, 2].map((k) => ticks(low[k], high[k]));
     const far = [0, 1, 2].map((k) => (at(low)[2] <= at(moved(low, k, high[k]))[2] + 1e-6 ? low[k] : high[k]));
     const near = far.map((c, k) => low[k] + high[k] - c);
-    pen.lineWidth = 1;
-    pen.strokeStyle = colour("grid");
-    pen.beginPath();
-    for (let k = 0; k < 3; k++) {
+    const floor = [low, moved(low, 0, high[0]), moved(high, 2, low[2]), moved(low, 1, high[1])]; // the arm's shadow falls on it
+    polygon(pen, floor.map(at), colour("ground"));
+    for (const k of [0, 1, 2]) {
       for (const along of [0, 1, 2].filter((j) => j !== k)) { // on the plane that is far in the third axis: lines of constant k
         for (const value of [low[k], ...grid[k], high[k]]) {
-          const [a, b] = [low, high].map((end) => at(moved(moved(far, k, value), along, end[along])));
-          pen.moveTo(a[0], a[1]);
-          pen.lineTo(b[0], b[1]);
+          stroke(pen, [low, high].map((end) => at(moved(moved(far, k, value), along, end[along]))), colour("grid"), 1, []);
         }
       }
     }
-    pen.stroke();
     lettering(pen, 10, "soft", "center");
     const centre = at(low.map((l, k) => (l + high[k]) / 2));
     const upright = [[far[0], near[1], far[2]], [near[0], far[1], far[2]]]; // of these the edge that is farthest left
@@ -67,5 +58,5 @@ const lrmAxes = (() => {
     pen.fillText(`≥ ${Math.round(1000 * largest) / 1000}`, left - 4, top);
   }
 
-  return { ground, axes, bar };
+  return { axes, bar };
 })();

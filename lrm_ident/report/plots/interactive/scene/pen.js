@@ -4,14 +4,10 @@ const lrmPen = (() => {
   const { colour } = lrmChart;
 
   function stroke(pen, points, ink, width, dash) {
-    pen.strokeStyle = ink;
-    pen.lineWidth = width;
-    pen.lineCap = dash.length ? "butt" : "round";
-    pen.setLineDash(dash);
+    Object.assign(pen, { strokeStyle: ink, lineWidth: width, lineCap: dash.length ? "butt" : "round" }).setLineDash(dash);
     pen.beginPath();
-    points.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
+    for (const [x, y] of points) pen.lineTo(x, y);
     pen.stroke();
-    pen.setLineDash([]);
   }
 
   function filled(pen, ink, path) {
@@ -24,12 +20,10 @@ const lrmPen = (() => {
   const polygon = (pen, points, ink) => filled(pen, ink, () => { for (const [x, y] of points) pen.lineTo(x, y); });
   const diamond = (pen, [x, y], ink) => polygon(pen, [[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y]], ink);
 
-  function ring(pen, p) {
-    pen.strokeStyle = colour("held");
-    pen.lineWidth = 2;
-    pen.beginPath();
-    pen.arc(p[0], p[1], 6, 0, 7);
-    pen.stroke();
+  function ring(pen, [x, y]) {
+    const circle = new Path2D();
+    circle.arc(x, y, 6, 0, 7);
+    Object.assign(pen, { strokeStyle: colour("held"), lineWidth: 2 }).stroke(circle);
   }
 
   const frame = (pen, x, y, w, h) => stroke(pen, [[x, y], [x + w, y], [x + w, y + h], [x, y + h], [x, y]], colour("ink"), 1, [4, 3]);

@@ -32,84 +32,62 @@ const lrmScene = (() => {
     return Object.assign(at, { scale });
   }
 
+  // A canvas in px of the page, and the pen on it.
   function layer() {
-    const canvas = document.createElement("canvas");
-    return { canvas, pen: canvas.getContext("2d") };
-  }
-
-  // Empties a layer, whose unit is a px of the page from then on.
-  function cleared({ canvas, pen }, [width, height], ratio) {
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.clearRect(0, 0, width, height);
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    return pen;
-  }
-
-  function laid(pen, over, alpha = 1) {
-    pen.save();
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.globalAlpha = alpha;
-    pen.drawImage(over.canvas, 0, 0);
-    pen.restore();
+    const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
+    const cleared = (width, height, ratio) => {
+      Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) }); // this empties it
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      return pen;
+    };
+    return { canvas, cleared };
   }
 
   // A scene in an element. `on.hover(row)`, `on.toggle(row)`, `on.mark(rows)`: what a person does with its dots.
   function scene(element, on) {
-    const screen = layer(), floor = layer(), still = layer(), sheet = layer(), canvas = screen.canvas, title = document.createElement("p");
-    canvas.tabIndex = 0;
-    [canvas.className, title.className] = ["lrm-canvas", "lrm-scene-title"];
-    canvas.setAttribute("role", "img");
+    const screen = layer(), field = layer(), sheet = layer(), canvas = screen.canvas, title = document.createElement("p");
+    Object.assign(canvas, { tabIndex: 0, className: "lrm-canvas", role: "img" });
+    title.className = "lrm-scene-title";
     element.replaceChildren(title, canvas);
-    const self = { canvas, content: null, dots: [], drag: null, draw, show, later, point, ratio: 0,
+    const self = { canvas, content: null, dots: [], drag: null, ratio: 0, draw, later,
+      show: (content) => { self.content = content; draw(); },
+      point: (row, arms) => { Object.assign(self.content, { row, arms }); later(); }, // another pose
       seen: (row) => !self.content.rows || self.content.rows.has(row) || Boolean(self.content.marked && self.content.marked.has(row)) };
-    let asked = 0, stale = true, at = null, things = [];
+    let asked = 0;
     scenes.add(self);
 
-    function show(content) { self.content = content; draw(); }
-    function later() { stale = true; soon(); }
-    function soon() { if (!asked) asked = requestAnimationFrame(() => { asked = 0; paint(); }); }
+    function later() { asked = asked || requestAnimationFrame(() => { asked = 0; draw(); }); }
 
-    // Another pose: what does not move is kept, so that it costs the same for any number of arrows.
-    function point(row, arms) { Object.assign(self.content, { row, arms }); soon(); }
-
-    function draw() { stale = true; paint(); }
-
-    function paint() {
+    function draw() {
       const width = element.clientWidth, height = element.clientHeight, c = self.content;
       if (!c || !width || !height) return;
-      const ratio = self.ratio || Math.max(window.devicePixelRatio || 1, 1);
-      const size = [Math.round(width * ratio), Math.round(height * ratio)];
-      if (stale || still.canvas.width !== size[0] || still.canvas.height !== size[1]) paintStill(width, height, size, ratio);
-      const pen = cleared(screen, size, ratio), drawn = c.arms.map((arm) => lrmSolids.capsules(arm, at));
-      laid(pen, floor);
-      lrmSolids.shadow(cleared(sheet, size, ratio), c.arms[0], c.box, at);
-      laid(pen, sheet, lrmSolids.shade());
-      lrmSolids.foot(pen, c.arms[0], c.box, at);
-      laid(pen, still);
-      c.arms.forEach((arm, i) => {
-        if (arm.solid) return lrmSolids.solid(pen, drawn[i], colour(arm.colour), things);
-        lrmSolids.outline(cleared(sheet, size, ratio), arm, drawn[i], at);
-        laid(pen, sheet);
-      });
-      laid(pen, still, THROUGH); // arrows behind the arm shine through it
-      if (self.dots[c.row]) ring(pen, self.dots[c.row]);
-      if (self.drag && self.drag.box) frame(pen, ...self.drag.box);
-    }
-
-    // All but the arms of the pose.
-    function paintStill(width, height, size, ratio) {
-      const c = self.content, ground = cleared(floor, size, ratio), pen = cleared(still, size, ratio);
-      stale = false;
+      const ratio = self.ratio || Math.max(window.devicePixelRatio || 1, 1), at = projection(c.box, width, height);
+      const pen = screen.cleared(width, height, ratio);
+      const laid = ({ canvas: over }, alpha) => {
+        pen.globalAlpha = alpha;
+        pen.drawImage(over, 0, 0, over.width / ratio, over.height / ratio);
+        pen.globalAlpha = 1;
+      };
       title.textContent = c.title;
       canvas.setAttribute("aria-label", `${c.title}; arrow keys turn it, plus and minus zoom, 0 resets`);
-      at = projection(c.box, width, height);
-      lrmAxes.ground(ground, c.box, at);
-      lrmAxes.axes(ground, c.box, at);
       self.dots = c.tcp.map(at);
-      things = lrmArrows.things(c, at, self.dots, self.seen);
-      for (const thing of things) thing.put(pen);
+      const things = lrmArrows.things(c, at, self.dots, self.seen), over = field.cleared(width, height, ratio);
+      for (const thing of things) thing.put(over);
+      lrmAxes.axes(pen, c.box, at);
+      lrmSolids.shadow(sheet.cleared(width, height, ratio), c.arms[0], c.box, at);
+      laid(sheet, lrmSolids.shade());
+      lrmSolids.foot(pen, c.arms[0], c.box, at);
+      laid(field, 1);
+      for (const arm of c.arms) {
+        const links = lrmSolids.capsules(arm, at);
+        if (arm.solid) { lrmSolids.solid(pen, links, colour(arm.colour), things); continue; }
+        lrmSolids.outline(sheet.cleared(width, height, ratio), arm, links, at);
+        laid(sheet, 1);
+      }
+      laid(field, THROUGH); // arrows behind the arm shine through it
       if (c.bar) lrmAxes.bar(pen, width, height, c.largest, lrmArrows.steps(c.colours));
+      if (self.dots[c.row]) ring(pen, self.dots[c.row]);
+      if (self.drag && self.drag.box) frame(pen, ...self.drag.box);
     }
 
     wire(canvas, self, on);
@@ -119,13 +97,12 @@ const lrmScene = (() => {
 
   // Pointer, wheel, fingers and keys on a scene: drag turns it, with shift marks a box of dots, with the right button moves it.
   function wire(canvas, self, on) {
-    const NEAR = 9;
+    const NEAR = 9, fingers = new Map();
     const place = (event) => [event.offsetX, event.offsetY];
     const nearest = (at) => {
       const near = self.dots.map((p, row) => [Math.hypot(p[0] - at[0], p[1] - at[1]), row]).filter(([d, row]) => d < NEAR && self.seen(row));
       return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : null;
     };
-    const fingers = new Map();
     const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
     canvas.onpointerdown = (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -179,14 +156,12 @@ const lrmScene = (() => {
       redraw();
     };
     canvas.ondblclick = () => look();
+    const nearer = () => zoom(1.2), KEYS = { ArrowLeft: () => turn(-10, 0), ArrowRight: () => turn(10, 0), ArrowUp: () => turn(0, 10),
+      ArrowDown: () => turn(0, -10), "+": nearer, "=": nearer, "-": () => zoom(1 / 1.2), 0: () => look() };
     canvas.onkeydown = (event) => {
-      const moves = { ArrowLeft: [-10, 0], ArrowRight: [10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10] }[event.key];
-      if (moves) turn(...moves);
-      else if (event.key === "+" || event.key === "=") zoom(1.2);
-      else if (event.key === "-") zoom(1 / 1.2);
-      else if (event.key === "0") look();
-      else return;
+      if (!KEYS[event.key]) return;
       event.preventDefault();
+      KEYS[event.key]();
       redraw();
     };
     const turn = (right, up) => {

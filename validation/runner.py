@@ -1,0 +1,99 @@
+"""The runner of every catalogue: cases side by side, a line of progress each, and a file that a later run goes on with.
+
+A case is whatever `examine` takes; its key names it in lines of progress and in the file. With one job the cases run
+in this process, one after the other; else in processes, for which cases, results and `examine` must be picklable.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import TypeAdapter
+
+from lrm_ident.fitting.executors import as_finished, executor_for
+from lrm_math.atomic_file import write_atomically
+from lrm_math.errors import FileError
+
+Case = TypeVar("Case")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class ResultsFile(Generic[Result]):
+    """Results by the keys of their cases, as JSON: `{"schema": …, "cases": {key: result}}`.
+
+    kind: type of a result, a dataclass or a dictionary. beside: further values of the document.
+    """
+
+    path: Path
+    kind: type[Result]
+    schema: str
+    beside: Mapping[str, object] = field(default_factory=dict)
+
+    def read(self) -> dict[str, Result]:
+        """Results by key; none where there is no file yet. Raises `FileError` for another file."""
+        if not self.path.exists():
+            return {}
+        try:
+            document: dict[str, Any] = json.loads(self.path.read_text(encoding="utf-8"))
+            if document["schema"] != self.schema:
+                raise KeyError(self.schema)
+            one = TypeAdapter(self.kind)
+            return {key: one.validate_python(values) for key, values in document["cases"].items()}
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise FileError(self.path, "cases", f"holds no results of {self.schema}; name another file") from None
+
+    def write(self, results: Mapping[str, Result]) -> None:
+        """Writes all of them. Raises `FileError`."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        one = TypeAdapter(self.kind)
+        cases = {key: one.dump_python(result) for key, result in results.items()}
+        document = {"schema": self.schema, **self.beside, "cases": cases}
+        write_atomically(self.path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
+
+
+def run_cases(
+    cases: Mapping[str, Case],
+    examine: Callable[[Case], Result],
+    line: Callable[[str, Result], str],
+    jobs: int = 1,
+    cluster: str = "",
+    file: ResultsFile[Result] | None = None,
+) -> dict[str, Result]:
+    """Results by key, in the order of the cases; progress goes to stderr.
+
+    Args:
+        cases: by key.
+        examine: the result of a case. What it raises ends the run; what was done by then is in the file.
+        line: a case's line of progress, of its key and result.
+        jobs: processes side by side.
+        cluster: address of a Dask scheduler, in place of processes.
+        file: results that are there already are not computed again; each new one is written at once.
+
+    Raises `FileError`: the file is another one.
+    """
+    results = file.read() if file else {}
+    left = [key for key in cases if key not in results]
+    for number, result in _finished(examine, [cases[key] for key in left], jobs, cluster):
+        results[left[number]] = result
+        if file:
+            file.write(results)
+        done = len(left) - sum(key not in results for key in left)
+        print(f"{done}/{len(left)} {line(left[number], result)}", file=sys.stderr, flush=True)
+    return {key: results[key] for key in cases}
+
+
+def _finished(
+    examine: Callable[[Case], Result], cases: Sequence[Case], jobs: int, cluster: str
+) -> Iterator[tuple[int, Result]]:
+    """Number of a case and its result, as they are done."""
+    if jobs == 1 and not cluster:
+        yield from enumerate(map(examine, cases))
+        return
+    with executor_for(cluster or None, most=jobs) as executor:
+        yield from as_finished(executor, examine, cases)
