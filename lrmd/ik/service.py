@@ -482,7 +482,7 @@ class IkService:
         path = with_corners(self.config, np.array(found))
         move, number = self._guard(request, np.array(path)).check(np.array(path), payload)
         if not move.free:
-            tip = self.solver.forward(np.array(path[number]).tolist(), payload).tcp
+            tip = self.solver.forward(path[number], payload).tcp
             return LineEnd(f"no straight line: {move} of its part {number + 1} of {len(path) - 1}", tip)
         return path
 

@@ -19,6 +19,7 @@ from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
 from lrmd.ik.straight_line import TOLERANCE, LineEnd, Waypoint, line_path, rotation_of, rotation_vector
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
+from lrmd.safety.collision_guard import CollisionGuard
 from tests.daemon.safety.test_contact import GROUND
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.random_lines import random_lines, soft_lab
@@ -89,6 +90,21 @@ def test_a_line_into_the_ground_is_refused_where_it_collides_and_found_where_tha
     assert np.abs(tips[:, :2] - [0.2, 0.05]).max() < TOLERANCE
     assert tips[-1, 2] == pytest.approx(0.008, abs=1e-4)
     assert len(path[0]) == config.dof
+
+
+def test_a_line_is_checked_with_the_corners_that_it_is_sent_with(
+    service: IkService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Across the middle, where the table of the first servo bends."""
+    checked: list[Array] = []
+    check = CollisionGuard.check
+    monkeypatch.setattr(CollisionGuard, "check", lambda at, way, *rest: (checked.append(way), check(at, way, *rest))[1])
+    start = pose((0.2, 0.03, 0.1), np.diag([1.0, -1.0, -1.0]))
+    goal = GoalEntry(position_m=[0.2, -0.03, 0.1])
+    lines = (PlanRequest(from_rad=list(one.q), goal=goal, line=True) for one in service.solver.solve(start).branches)
+    path = next(path for path in (service.plan(line, free) for line in lines) if not isinstance(path, NoPlan))
+    assert np.abs(np.array(path)[1:-1, 0]).min() < 1e-12, "a corner of the table"
+    assert np.array_equal(checked[-1], path)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-6, 0.3, 2.0, math.pi])
