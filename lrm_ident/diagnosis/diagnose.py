@@ -161,7 +161,7 @@ class Diagnosis:
         return sorted(special, key=lambda candidate: candidate.alone.rms)
 
     def repetitions(self, one: ScoredCandidate) -> list[str]:
-        """Names of the forms of an effect that move the TCP just as it does: a second sudden shift without a first."""
+        """Names of the forms of an effect that move the TCP exactly as it does: the second shift without a first."""
         forms = (other for other in self.scored if one.name in variants(other.candidate.effect))
         same = (form for form in forms if form.size == one.size)
         return [form.name for form in same if cosine_of_bases(one.orthonormal, form.orthonormal) > SAME_MOTIONS]

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
 from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.companion import improves_beside
 from lrm_ident.diagnosis.contradiction import can_be_contradicted, levels_of_its_own
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
@@ -55,13 +56,21 @@ def scored(name: str, alone: float = 1.0, part: ModelPart = ModelPart.ARM) -> An
 REFUSED = None
 
 
-def confirmed(patch: Patch, *candidates: tuple[float, float | None]) -> Any:
-    """A diagnosis of effects a, b, …: the mean squares that each alone would leave, and that its refit leaves."""
+def confirmed(patch: Patch, *candidates: tuple[float, float | None], again: tuple[str, ...] = ()) -> Any:
+    """A diagnosis of effects a, b, …: the mean squares that each alone would leave, and that its refit leaves.
+
+    `again`: those that repeat the first one.
+    """
     effects = [scored(name, alone) for name, (alone, _) in zip("abc", candidates, strict=False)]
 
     def diagnosis(*supported: Any) -> Any:
         screening = SimpleNamespace(linear=SimpleNamespace(baseline=SimpleNamespace(held_out=np.ones(POSES))))
-        return SimpleNamespace(supported=supported, screening=screening, special_cases=list)
+        return SimpleNamespace(
+            supported=supported,
+            screening=screening,
+            special_cases=list,
+            repetitions=lambda one: again if one is effects[0] else (),
+        )
 
     def trial(left: float | None) -> candidate_trial.CandidateTrial:
         if left is REFUSED:
@@ -100,6 +109,12 @@ def test_an_effect_that_saves_far_less_than_a_refused_one_promised_is_refused(
 def test_after_one_that_saves_far_less_no_other_is_tried(monkeypatch: Patch) -> None:
     found = confirmed(monkeypatch, (0.5, REFUSED), (1.0, 0.8), (1.0, 0.1))
     assert (found.supported, set(found.refused)) == ((), {"a", "b"})
+
+
+def test_what_repeats_a_refused_effect_is_refused_with_it(monkeypatch: Patch) -> None:
+    """It has a refit that would be taken, and none is tried."""
+    found = confirmed(monkeypatch, (0.5, REFUSED), (0.5, 0.3), again=("b",))
+    assert (found.supported, found.refused["b"]) == ((), found.refused["a"])
 
 
 def leading(
@@ -356,6 +371,11 @@ def test_two_that_hide_each_other_are_confirmed_together(tmp_path: Path) -> None
     assert found.first.name == "change_point@joint2"
     assert found.beside == "measurement_frame@frame"
     assert not found.refused
+    assert found.refit is not None
+    scored = {one.name: one for one in found.diagnosis.scored}
+    assert improves_beside(found.refit.fit, data, scored["measurement_frame@frame"])
+    assert not improves_beside(found.refit.fit, data, scored["drift@joint2"]), "it helps only without the first"
+    assert found.diagnosis.repetitions(found.first) == ["second_change_point@joint2"]
 
 
 LAB = load_arm("lrm-lab")
