@@ -9,10 +9,11 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.plain_names import step_title
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_ident.report.text.claims import outliers_left_out, with_unit
+from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
+from lrm_ident.residual.picture.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.effects import FREE_FORMS, Effect, EffectRef, Parameter, variants
@@ -112,7 +113,8 @@ def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate
         explained_by_means(before, field.lever, one.values) - explained_by_means(after, field.lever, one.values)
         for one in known
     ]
-    return shown_most(taken, known, joints)
+    joint, driver = shown_most(taken, known, joints)
+    return joint, variable_name(driver) if driver else ""
 
 
 def _estimates(effect: Effect, entry: HistoryTable) -> dict[Parameter, str]:

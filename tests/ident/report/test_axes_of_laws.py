@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lrm_ident.report.plots.interactive.group_means import of_law
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate, Kind
+from lrm_ident.residual.picture.group_means import of_law
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 

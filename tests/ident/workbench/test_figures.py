@@ -19,12 +19,12 @@ from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, blocks_html, heading
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.plain_names import WORDS, plain_name
-from lrm_ident.report.plots.interactive.candidate_view import NO_FUNCTION, candidate_view, drivers_of, von_neumann_ratio
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
-from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate, covariates
+from lrm_ident.residual.picture.drivers import NO_FUNCTION, drivers_of, von_neumann_ratio
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, error_field, joint_turns, rows_to_draw
+from lrm_ident.residual.picture.group_means import explained_by_means, shown_most
 from lrm_math.effects import CATALOGUE, FREE_FORMS
 from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -177,7 +177,7 @@ def test_charts_open_on_the_joint_and_the_quantity_that_show_most(joint: int, of
     turns, lever = 0.2 * rng.normal(size=(6, 400)), rng.uniform(0.5, 2.0, (6, 400))
     turns[joint] += np.sin(6.0 * known[of].values)
     shown = [explained_by_means(turns, lever, one.values) for one in known]
-    assert shown_most(shown, known, range(6)) == (joint, variable_name(known[of].variable))
+    assert shown_most(shown, known, range(6)) == (joint, known[of].variable)
     assert shown[of][joint] < (lever[joint] * turns[joint] ** 2).sum(), "a part of all"
 
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows_to_draw
+from lrm_ident.residual.picture.group_means import fair_rows
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
     BrowserLog,

@@ -18,13 +18,13 @@ from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, of_data, rivals
 from lrm_ident.report.story import GEOMETRY, Story, StoryStep
 from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
+from lrm_ident.residual.picture.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects.reference import EffectRef
@@ -75,7 +75,8 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "cards": [_card(found, story is not None and story.held_out, *each) for each in cards],
         "floor": found.floor_mm,
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
-        "where": {"joint": joint, "driver": driver},  # shown first: the chart that shows most of what the model leaves
+        # shown first: the chart that shows most of what the model leaves
+        "where": {"joint": joint, "driver": variable_name(driver) if driver else ""},
         "next": "" if commands else known.get("next_poses_hint", ""),
         "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
         "ranking": _ranking(found, known.get("ranking", ())),

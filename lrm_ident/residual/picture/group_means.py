@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.report.text.variables import variable_name
-from lrm_ident.residual.covariates import Covariate, levels
+from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, levels
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
 from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
@@ -45,21 +44,23 @@ def joints_of(place: str, dof: int) -> Sequence[int]:
     return [int(number) - 1] if number.isdigit() else range(dof)
 
 
-def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: Sequence[int]) -> tuple[int, str]:
-    """The joint, and the name of the covariate, whose chart shows most.
+def shown_most(
+    explained: Sequence[Array], known: Sequence[Covariate], joints: Sequence[int]
+) -> tuple[int, ExplanatoryVariable | None]:
+    """The joint and the variable whose chart shows most; None where none is known.
 
     Args:
         explained: (n,), of every covariate of `known`. joints: those to choose from.
     """
     most = max((float(squares[joint]) for squares in explained for joint in joints), default=0.0)
     near = [
-        (one.joint != joint, -float(squares[joint]), joint, variable_name(one.variable))
-        for squares, one in zip(explained, known, strict=True)
+        (known[k].joint != joint, -float(squares[joint]), joint, k)
+        for k, squares in enumerate(explained)
         for joint in joints
         if squares[joint] >= AS_MUCH * most
     ]
-    *_, joint, name = min(near, default=(True, 0.0, joints[0], variable_name(known[0].variable) if known else ""))
-    return joint, name
+    *_, joint, k = min(near, default=(True, 0.0, joints[0], 0))
+    return joint, known[k].variable if known else None
 
 
 FOLLOWED: Mapping[str, tuple[str, ...]] = {
