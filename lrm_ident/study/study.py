@@ -158,16 +158,18 @@ class Study(ModelOnData, ShownInNotebook):
         if not all(each.names_a_cause for each in added):
             return self.add_field()
         diagnosis = screened or study.screen()
-        names = tuple(each.name for each in added)
+        names, begin = tuple(each.name for each in added), study
+        if {key for each in added for key in each.keys} <= {*study.model.free}:  # what the fit of this model held
+            begin = self.named()
         shape = next((scored.shape for scored in diagnosis.scored if (scored.name,) == names), None)
-        fitted = add_effects(study.model, diagnosis.data, added, shape, study.loss)
+        fitted = add_effects(begin.model, diagnosis.data, added, shape, study.loss)
         left_out = Notice(NoticeKind.OUTLIERS, poses=tuple(diagnosis.outliers))
-        notices = (*study.notices, left_out) if diagnosis.outliers else study.notices
+        notices = (*begin.notices, left_out) if diagnosis.outliers else begin.notices
         notices = (*notices, *as_read(assumed_steps(added, study.data.poses)))
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
-        step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
-        return replace(study, notices=notices)._after(step, study)
+        step = Step(StepName(ADD, effect), fitted, diagnosis.data, begin.model, evidence=evidence)
+        return replace(begin, notices=notices)._after(step, begin)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.

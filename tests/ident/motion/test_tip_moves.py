@@ -199,10 +199,11 @@ def test_one_mcap_file_has_commands_and_what_the_encoders_read(tmp_path: Path) -
     assert moves.dt == pytest.approx(0.02, rel=0.02)
     behind = moves.command[:, :-5, 0] - moves.reading[:, 5:, 0]
     assert np.abs(behind[moves.counted[:, 5:]]).max() < SPEED * 0.025, "rad: a command stays until the next"
-    with pytest.raises(FileError, match="leave --tip out"):
-        MotionSource(path, tmp_path / "tip.csv", topic="/told", encoders="/read").moves(ARM)
-    with pytest.raises(FileError, match="no joint states in /seen"):
-        MotionSource(path, topic="/told", encoders="/seen").moves(ARM)
+    fit = ("motion", "fit", path, "--arm", "lrm-rover", "-o", tmp_path / "motion.toml", "--topic", "/told")
+    assert "leave --tip out" in stderr_of(*fit, "--encoders", "/read", "--tip", path)
+    assert "no joint states in /seen" in stderr_of(*fit, "--encoders", "/seen")
+    with pytest.raises(FileError, match="no times in common"):
+        log.beside(t + 1e4, log.at(t))
 
 
 def write_mcap(path: Path, log: CommandLog, track: TipTrack) -> None:
