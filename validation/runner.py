@@ -18,6 +18,7 @@ from pydantic import TypeAdapter
 from lrm_ident.fitting.executors import as_finished, executor_for
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
+from validation.commit import COMMIT
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
@@ -25,18 +26,23 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultsFile(Generic[Result]):
-    """Results by the keys of their cases, as JSON: `{"schema": …, "cases": {key: result}}`.
+    """Results by the keys of their cases, as JSON: `{"schema": …, "commit": …, "cases": {key: result}}`.
 
-    kind: type of a result, a dataclass or a dictionary. beside: further values of the document.
+    kind: type of a result, a dataclass or a dictionary. beside: further values of the document. failed: of a result,
+    whether its case is to be computed again.
     """
 
     path: Path
     kind: type[Result]
     schema: str
     beside: Mapping[str, object] = field(default_factory=dict)
+    failed: Callable[[Result], bool] = lambda _: False
 
     def read(self) -> dict[str, Result]:
-        """Results by key; none where there is no file yet. Raises `FileError` for another file."""
+        """Results by key, without those that failed; none where there is no file yet.
+
+        Raises `FileError` for another file, and for results of other code.
+        """
         if not self.path.exists():
             return {}
         try:
@@ -44,16 +50,19 @@ class ResultsFile(Generic[Result]):
             if document["schema"] != self.schema:
                 raise KeyError(self.schema)
             one = TypeAdapter(self.kind)
-            return {key: one.validate_python(values) for key, values in document["cases"].items()}
-        except (ValueError, KeyError, TypeError, AttributeError):
+            results = {key: one.validate_python(values) for key, values in document["cases"].items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise FileError(self.path, "cases", f"holds no results of {self.schema}; name another file") from None
+        if document.get("commit") != COMMIT:
+            raise FileError(self.path, "commit", f"{document.get('commit')}; the code is {COMMIT}", "name another file")
+        return {key: result for key, result in results.items() if not self.failed(result)}
 
     def write(self, results: Mapping[str, Result]) -> None:
         """Writes all of them. Raises `FileError`."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         one = TypeAdapter(self.kind)
         cases = {key: one.dump_python(result) for key, result in results.items()}
-        document = {"schema": self.schema, **self.beside, "cases": cases}
+        document = {"schema": self.schema, "commit": COMMIT, **self.beside, "cases": cases}
         write_atomically(self.path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
 
 

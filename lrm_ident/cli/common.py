@@ -89,9 +89,17 @@ def opened(
 
 def identifiable(study: Study) -> Study:
     """The study with free parameters that the data alone identify; a notice goes to stderr if that changes them."""
-    own = study.identifiable()
-    notice(*own.notices[len(study.notices) :])
-    return own
+    return _noticed(study.identifiable(), study)
+
+
+def with_dimensions(study: Study) -> Study:
+    """The study as a run begins, all its offsets and compliances fitted; a notice goes to stderr if that changes it."""
+    return _noticed(study.with_dimensions(), study)
+
+
+def _noticed(study: Study, before: Study) -> Study:
+    notice(*study.notices[len(before.notices) :])
+    return study
 
 
 def leave_out_poses(data: Measurements, text: str) -> Measurements:

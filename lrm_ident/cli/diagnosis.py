@@ -26,6 +26,7 @@ from lrm_ident.cli.common import (
     read_poses,
     show,
     timed,
+    with_dimensions,
 )
 from lrm_ident.cli.consoles import log
 from lrm_ident.data.atomic_write import write_text
@@ -149,7 +150,7 @@ def auto(
     notice(*read.notices)
     if not force:
         check_replaces(output, len(read.file.history))
-    study = identifiable(read)
+    study = with_dimensions(read)
     numbers, begun, taken = count(), monotonic(), list[Step]()
     rates = None if prior is None else load_rates(prior)
 

@@ -16,11 +16,11 @@ from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS, IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, default_keys, fittable, no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior, of_the_set_up
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
-from lrm_math.effects.reference import BASE_OFFSETS, ParameterRef
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.effects.tracker_errors import TouchedBoard, TouchedPoint
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
@@ -91,9 +91,7 @@ def _fit_named(
         named = select_parameters(model, parameters)
         keys = (*named, *(key for key in model.free if _set_up(key) and key not in named))
     elif prior is None:
-        keys = tuple(
-            key for key in fittable(model) if not (data.touched and ParameterRef.parse(key).effect == BASE_OFFSETS)
-        )
+        keys = default_keys(model, data)
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
         fitted_or_stated = {*fittable(model), *prior.keys}

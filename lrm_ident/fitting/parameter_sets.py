@@ -8,8 +8,10 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 from lrm_math.effects import ParameterRef, effect_of
+from lrm_math.effects.reference import BASE_OFFSETS
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -56,6 +58,13 @@ def select_parameters(model: Model, choice: str) -> tuple[str, ...]:
 def fittable(model: Model) -> tuple[str, ...]:
     """Keys of all parameters except shape parameters."""
     return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
+
+
+def default_keys(model: Model, data: Measurements) -> tuple[str, ...]:
+    """Keys that `fit` fits where none are chosen: touched points that are unknown hold the base."""
+    return tuple(
+        key for key in fittable(model) if not (data.touched and ParameterRef.parse(key).effect == BASE_OFFSETS)
+    )
 
 
 def nuisance_shapes(model: Model) -> tuple[str, ...]:

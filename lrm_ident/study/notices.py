@@ -26,6 +26,8 @@ class NoticeKind(StrEnum):
     """Name: the prior of the model's fit, which the next steps do not have."""
     DIMENSIONS_HELD = "dimensions_held"
     """Names: keys of offsets and compliances that the model's fit held, and the next steps fit."""
+    DIMENSIONS_KEPT = "dimensions_kept"
+    """Names: keys of offsets and compliances that the model's fit held; the last one is the reason for it."""
     FIELD_LEFT_OUT = "field_left_out"
     OUTLIERS = "outliers"
     """Poses: that are left out."""

@@ -19,7 +19,7 @@ from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
-from lrm_ident.fitting.parameter_sets import fittable
+from lrm_ident.fitting.parameter_sets import default_keys
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import TYPICAL
@@ -38,7 +38,7 @@ from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, to_model
-from lrm_math.model.step_name import ADD, FIT, REFIT, StepName
+from lrm_math.model.step_name import ADD, FIT, FREE, REFIT, StepName
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.auto import AutoRun
@@ -158,18 +158,16 @@ class Study(ModelOnData, ShownInNotebook):
         if not all(each.names_a_cause for each in added):
             return self.add_field()
         diagnosis = screened or study.screen()
-        names, begin = tuple(each.name for each in added), study
-        if {key for each in added for key in each.keys} <= {*study.model.free}:  # what the fit of this model held
-            begin = self.named()
+        names = tuple(each.name for each in added)
         shape = next((scored.shape for scored in diagnosis.scored if (scored.name,) == names), None)
-        fitted = add_effects(begin.model, diagnosis.data, added, shape, study.loss)
+        fitted = add_effects(study.model, diagnosis.data, added, shape, study.loss)
         left_out = Notice(NoticeKind.OUTLIERS, poses=tuple(diagnosis.outliers))
-        notices = (*begin.notices, left_out) if diagnosis.outliers else begin.notices
+        notices = (*study.notices, left_out) if diagnosis.outliers else study.notices
         notices = (*notices, *as_read(assumed_steps(added, study.data.poses)))
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
-        step = Step(StepName(ADD, effect), fitted, diagnosis.data, begin.model, evidence=evidence)
-        return replace(begin, notices=notices)._after(step, begin)
+        step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
+        return replace(study, notices=notices)._after(step, study)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -197,7 +195,7 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.auto import run_auto
 
-        study = latest = self.identifiable()
+        study = latest = self.with_dimensions()
 
         def taken(step: Step) -> None:
             """Follows the run with a study."""
@@ -223,7 +221,7 @@ class Study(ModelOnData, ShownInNotebook):
         """Nested cross-validation: held-out residual of `auto`, effects selected anew in every fold, on an executor."""
         from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 
-        study, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
+        study, tick = self.with_dimensions(), partial(self.progress, "choosing anew in every fold")
         return nested_held_out(study.model, study.data, executor, max_effects, study.catalogue, tick, study.loss, rates)
 
     def fit_all(self, prior: str) -> Study:
@@ -268,26 +266,31 @@ class Study(ModelOnData, ShownInNotebook):
         return replace(self, model=model_for_data(model, of.path, of.sha256)[0], source=file, step=None)
 
     def identifiable(self) -> Study:
-        """The study as all steps begin: without a residual field, fitted with typical sizes and not with another prior,
-        and with the offsets and compliances that its fit held.
+        """The study without a residual field, fitted with typical sizes as all steps are, not with another prior."""
+        if self.prior_name in (None, TYPICAL):
+            return self.named()
+        model = named_part(self.model)
+        fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
+        return self._instead(fitted, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
+
+    def with_dimensions(self) -> Study:
+        """The study as a run of `auto` begins: as `identifiable`, with the offsets and compliances that its fit held.
 
         Every step fits those too. Where they are not fitted before it, what they explain looks like evidence for the
-        effect that a step adds. Where they cannot be fitted, the model is as it was fitted.
+        effect that a step adds. Where they cannot be fitted, the model is as it was, and a notice says why.
         """
-        if self.prior_name not in (None, TYPICAL):
-            model = named_part(self.model)
-            fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
-            return self._instead(fitted, Notice(NoticeKind.OTHER_PRIOR, (self.prior_name,)))
-        study = self.named()
-        free, keys = study.model.free, fittable(study.model)
-        held = tuple(key for key in keys if key not in free and ParameterRef.parse(key).id in DEFAULT_EFFECTS)
+        study = self.identifiable()
+        free, wanted = study.model.free, default_keys(study.model, study.data)
+        held = tuple(key for key in wanted if key not in free and ParameterRef.parse(key).id in DEFAULT_EFFECTS)
         if not held or not free:
             return study
+        dimensions = [key for key in study.model.keys if ParameterRef.parse(key).id in DEFAULT_EFFECTS]
+        begin = study.model.with_values_of(dimensions, [0.0] * len(dimensions))  # what was fitted alone may be far off
         try:
-            refitted = fit_identifiable(study.model, self.data, [*free, *held], self.loss).fit
-        except LrmError:
-            return study
-        step = Step(StepName(REFIT, TYPICAL), deployable(refitted, self.data), self.data, study.model)
+            refitted = fit_identifiable(begin, self.data, [*free, *held], self.loss).fit
+        except LrmError as error:
+            return replace(study, notices=(*study.notices, Notice(NoticeKind.DIMENSIONS_KEPT, (*held, str(error)))))
+        step = Step(StepName(FREE), deployable(refitted, self.data), self.data, study.model)
         notices = (*study.notices, Notice(NoticeKind.DIMENSIONS_HELD, held))
         return replace(study, notices=notices)._after(step, study)
 

@@ -274,9 +274,13 @@ def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...],
     found = arm.kernel(query.payload).nearest(query.goal, starts)
     if found is not None:
         with suppress(NoEquilibrium):
-            settled = solve_equilibrium(arm.model, poses_of(np.array([found[0]]), query.payload))
+            q = np.array([found[0]])
+            side = np.zeros_like(q) if query.near is None else np.sign(q - query.near)
+            friction = None if query.motion is None else np.array([query.friction(q[0], side[0])])
+            settled = solve_equilibrium(arm.model, poses_of(q, query.payload, side, friction))
             return Nearest.at(found[0], query.goal, frames(arm.model.chain, settled.slots, 1)[0, -1])
-    raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")
+    load = f" with {1e3 * query.payload:.0f} g" if query.payload else ""
+    raise LrmError(f"the arm comes to rest in no pose near this goal{load}: too much load, or wrong compliances")
 
 
 def initial_guesses(arm: CalibratedArm, query: IkQuery) -> Iterator[Array]:

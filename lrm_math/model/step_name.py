@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-FIT, ADD, REFIT, TRANSFER, LEAVE_OUT = "fit", "add", "refit", "transfer", "leave_out"
-NAMES = {ADD: "add {of}", REFIT: "with the prior {of}", TRANSFER: "transfer from {of}", LEAVE_OUT: "without outliers"}
+FIT, ADD, REFIT, TRANSFER, LEAVE_OUT, FREE = "fit", "add", "refit", "transfer", "leave_out", "free"
+NAMES = {
+    ADD: "add {of}", REFIT: "with the prior {of}", TRANSFER: "transfer from {of}", LEAVE_OUT: "without outliers",
+    FREE: "all offsets and compliances",
+}  # fmt: skip
 """Names of steps whose kind is no name by itself; others are their own names."""
 VERSION_1 = re.compile(r"add (?P<add>[^\s,]+)(?:, .*)?|with the prior (?P<refit>.+)|transfer from (?P<transfer>.+)")
 """A step as files of `lrm/model/1` name it, with what could not be told from the effect behind a comma."""

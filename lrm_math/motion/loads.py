@@ -34,7 +34,7 @@ def reference_inertia(arm: Arm) -> Array:
 
 
 def acceleration(x: Array, dt: float) -> Array:
-    """(S, T, k), second derivative of x (S, T, k), T at least 3, by its steps of `dt` s; beyond its ends x is even.
+    """(S, T, k), second derivative of x (S, T, k), T at least 3, by its steps of `dt` s; at its ends it is taken as 0.
 
     By five points (Abramowitz & Stegun 1972, 25.3.24): 0.5 % short at 4 Hz and 30 steps a second.
     """

@@ -61,7 +61,8 @@ SETTLING_TIME = SECOND // 10
 """ns, 15 ticks of the ramp: for the last order to be read before the next motion."""
 IK_PAUSE = 10 * SECOND
 """ns until an ik process that does not start is tried again."""
-IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
+IK_TIMEOUT, ROUTER_TIMEOUT = 15 * SECOND, 2 * SECOND
+"""ns without a sign of life. One goal takes 0.1 s on a fast computer before its first cube: seconds beside floods."""
 T = TypeVar("T")
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 

@@ -19,8 +19,8 @@ from lrmd.messages.control import ArmRequest
 from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import RampReport
 
-SAY_WHERE = "state its angles: lrm arm --q, or where = 'given' with q_rad"
-"""What a client does whose arm is not where the daemon could know."""
+SAY_WHERE = "state it: lrm arm --at SERVO ANGLE (--q for all joints), or where = 'given' with q_rad"
+"""What a client does whose arm is not where the daemon could know; a servo jumps to what is stated."""
 
 
 class BoardPulses(StrEnum):
@@ -76,8 +76,8 @@ def _nothing_to_take_over(a: ArmingSituation) -> dict[int, int]:
     here = "only pulses of this daemon, which go on" if a.report.outputs else "no pulses"
     raise RequestError(
         "pose_needed",
-        f"the board has {here}: there is nothing to take over. Look where the arm stands and {SAY_WHERE}. Or arm it as "
-        "'stored', if nobody has touched it since the daemon left it",
+        f"the board has {here}: there is nothing to take over. Look where each servo that is off stands and "
+        f"{SAY_WHERE}; it jumps to what you state. Or, if nobody has touched the arm since: lrm arm --stored",
         stored_rad=stored_angles(a.config, a.stored),
         stored_still=bool(a.stored.pulse_ns and a.stored.still and not a.fallen),
     )  # fmt: skip

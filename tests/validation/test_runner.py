@@ -61,6 +61,17 @@ def test_a_later_run_goes_on_where_one_ended(tmp_path: Path, capsys: pytest.Capt
     assert '"noise": 0.5' in file.path.read_text(encoding="utf-8")
 
 
+def test_results_of_other_code_are_refused_and_failed_cases_computed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = ResultsFile(tmp_path / "found.json", Square, "squares/1", failed=lambda one: one.value == 4)
+    run_cases(CASES, squared, line, file=file)
+    assert [*file.read()] == ["three", "one"]
+    monkeypatch.setattr("validation.runner.COMMIT", "01234567")
+    with pytest.raises(FileError, match="the code is 01234567"):
+        file.read()
+
+
 @pytest.mark.parametrize(
     "text", ["{", "[]", '{"schema": "cubes/1", "cases": {}}', '{"schema": "squares/1", "cases": 3}']
 )

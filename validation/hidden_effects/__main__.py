@@ -70,7 +70,7 @@ def run(
 ) -> list[Outcome]:
     """Outcomes of all tasks, in their order. Raises `FileError`: results are those of something else."""
     cases = {"/".join(filter(None, (*map(str, task), str(poses)))): task for task in tasks}
-    file = ResultsFile(results, Outcome, "hidden-effects/1") if results else None
+    file = ResultsFile(results, Outcome, "hidden-effects/1", failed=lambda one: bool(one.trouble)) if results else None
     return [*run_cases(cases, partial(examine, poses=poses, keep=keep), line, jobs, cluster, file).values()]
 
 

@@ -21,11 +21,12 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_math.effects.reference import EffectRef
 from tests.support.browser import PATIENCE_MS, chromium
 from tests.support.commands import stdout_of
+from validation.commit import ROOT
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import ARM_FILE, write_case
 from validation.hidden_effects.outcome import ALWAYS_TRUE
 from validation.options import asked
-from validation.proofs.result_file import FOLDER, ROOT, computed, write
+from validation.proofs.result_file import FOLDER, computed, write
 
 PICTURES, REPORTS = FOLDER.parent / "pictures" / "gallery", ROOT / "out" / "gallery"
 SEED, POSES = 1, 200

@@ -15,8 +15,9 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from validation.commit import ROOT
 from validation.options import asked
-from validation.proofs.result_file import FOLDER, ROOT, computed, write
+from validation.proofs.result_file import FOLDER, computed, write
 
 NAME = "guarantees.json"
 STATED = Path(__file__).with_name("guarantees.toml")

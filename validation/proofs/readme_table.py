@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from validation.proofs.result_file import FOLDER, ROOT, ProofResult, read
+from validation.commit import ROOT
+from validation.proofs.result_file import FOLDER, ProofResult, read
 
 README = ROOT / "README.md"
 RESULT = FOLDER / "real-arms.json"

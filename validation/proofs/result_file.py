@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 import platform
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from validation.commit import COMMIT, ROOT
+
 FOLDER = ROOT / "docs" / "proofs"
 SCHEMA = "lrm/proof/1"
 
@@ -50,19 +50,6 @@ def read(path: Path) -> ProofResult:
         raise ValueError(f"{path}: should be of the schema {SCHEMA}")
     rows = tuple(map(tuple, values.pop("rows")))
     return ProofResult(columns=tuple(values.pop("columns")), rows=rows, **values)
-
-
-def _commit() -> str:
-    """The commit of the code, with + if it was changed since."""
-    try:
-        asked = ["git", "describe", "--always", "--abbrev=8", "--dirty=+", "--exclude=*"]
-        return subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-
-
-COMMIT = _commit()
-"""Asked as the program starts: an hour later the tree may be another."""
 
 
 def _machine() -> str:

@@ -134,7 +134,7 @@ def add_play(body: ElementTree.Element, name: str, b: float, unit: float = 1.0) 
     """Gives a joint of a body play, b rad end to end; none where b is 0. `unit`: the file's unit of angle (rad)."""
     if b > 0.0:
         joint = next(one for one in body.findall("joint") if one.get("name") == name)
-        placed = {key: value for key in ("axis", "pos") if (value := joint.get(key)) is not None}
+        placed = {key: value for key in ("class", "axis", "pos") if (value := joint.get(key)) is not None}
         half = numbers((-0.5 * b / unit, 0.5 * b / unit))
         own = ElementTree.Element(
             "joint", {"name": f"{name}_play", **placed, "range": half, "limited": "true", **NO_DEFAULT}

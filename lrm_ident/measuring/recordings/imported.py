@@ -314,7 +314,7 @@ def still_rests(t: Array, tip: Array, dwell: float, still: float = STILL_M) -> l
     seen = np.flatnonzero(np.isfinite(tip).all(axis=1))
     if not len(seen):
         return []
-    between = float(np.median(np.diff(t[seen]))) if len(seen) > 1 else dwell
+    between = float(t[seen[-1]] - t[seen[0]]) / max(len(seen) - 1, 1) or dwell
     spread = NOISE_REACH * math.sqrt(2.0) * frame_noise(tip[seen])
     frames = max(1, min(math.ceil((spread / still) ** 2), int(0.5 * dwell / between)))
     track, still = uniform_filter1d(tip[seen], frames, axis=0), max(still, spread / math.sqrt(frames))

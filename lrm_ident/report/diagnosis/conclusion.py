@@ -415,7 +415,7 @@ def _looks_like(report: DiagnosisReport) -> str:
     known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
     if known is not None and known.held_out_rms < function_left and _explains_part(known.held_out_rms, held_out):
         of = f"{plain_name(known.name)} ({known.name}), which leaves ≈ {in_mm(known.held_out_rms)} mm here"
-        return f"{of}. Not named, since earlier poses do not predict later ones better with it"
+        return f"{of}. Not named, since it does not surely help at later poses"
     if best is None or not _explains_part(function_left, held_out):
         return ""
     question = what_may_change(best)

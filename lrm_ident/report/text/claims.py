@@ -62,8 +62,9 @@ def chosen_again(frequency: Mapping[str, int], folds: int) -> str:
     """In how many repeated searches each effect was chosen: what few choose is unstable."""
     often = [f"{name} in {count}" for name, count in frequency.items() if count > 1]
     once = sum(count == 1 for count in frequency.values())
-    more = f"; {once} {'more ' if often else ''}in one each" if once else ""
-    return f"{', '.join(often) or 'no effect'} of {folds} repeated searches, each without a part of the poses{more}"
+    searches = f"of {folds} repeated searches, each without a part of the poses"
+    more = f"; {once} {'more ' if often else ''}in one {'each' if once > 1 else 'only'}" if once else ""
+    return f"{', '.join(often) or 'no effect in two or more'} {searches}{more}"
 
 
 def empirical_words(count: int) -> str:

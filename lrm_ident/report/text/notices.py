@@ -10,6 +10,11 @@ from lrm_ident.study.notices import Notice, NoticeKind
 NAMED = 12  # effects or poses in a line
 
 
+def _held(count: int) -> str:
+    one = "1 offset or compliance that the model's fit held is"
+    return one if count == 1 else f"{count} offsets and compliances that the model's fit held are"
+
+
 def notice_words(notice: Notice) -> str:
     """A notice in one line."""
     names = notice.names
@@ -26,8 +31,9 @@ def notice_words(notice: Notice) -> str:
         case NoticeKind.OTHER_PRIOR:
             return f"the model was fitted with the prior '{names[0]}'; this goes on with that of typical sizes"
         case NoticeKind.DIMENSIONS_HELD:
-            held = f"{len(names)} offsets and compliances that the model's fit held"
-            return f"{held} are fitted too, as every step does: else an effect would get credit for them"
+            return f"{_held(len(names))} fitted first: what they explain would count for an effect that is added"
+        case NoticeKind.DIMENSIONS_KEPT:
+            return f"{_held(len(names) - 1)} not fitted, so an effect may be added for what they explain: {names[-1]}"
         case NoticeKind.FIELD_LEFT_OUT:
             return "the residual field is left out here: it is no cause; add it again when all causes are in the model"
         case NoticeKind.OUTLIERS:

@@ -31,7 +31,7 @@ QUESTIONS = {
 }
 """What may have caused a regime, by the kind of its variable and where the interval lies."""
 A_LENGTH = "A known length tells it: measure some distances, too (distance_mm), with a string or a ball bar."
-WHY_OFF = "Measured wrongly, or the arm did not get there: measure them again"
+WHY_OFF = "Measured wrongly, or the arm did not get there: measure there again"
 """What poses that are far off, and were left out, may be."""
 NEIGHBOURS = {1: "before", -1: "after"}
 

@@ -293,7 +293,7 @@ def test_what_a_held_dimension_explains_is_no_evidence_for_an_effect() -> None:
     course, after = study.auto()
     assert course.verdict == "nothing_missing"
     assert [step.added for step in course.steps] == [""]
-    assert [str(entry.name) for entry in after.file.history] == ["fit", "with the prior typical"]
+    assert [str(entry.name) for entry in after.file.history] == ["fit", "all offsets and compliances"]
     before, now = (entry.held_out_rms_mm or 0.0 for entry in after.file.history)
     assert before > 10.0 * now > 0.0
     assert [notice.kind for notice in after.notices] == [NoticeKind.DIMENSIONS_HELD]

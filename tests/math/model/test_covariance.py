@@ -129,8 +129,7 @@ def test_every_command_that_fits_writes_it(tmp_path: Path, monkeypatch: pytest.M
     stdout_of("fit", data, "--parameters", "option4", "-o", tmp_path / "a.toml")
     stdout_of("add", tmp_path / "a.toml", data, "servo_gain@joint2", "-o", tmp_path / "b.toml")
     stdout_of("auto", tmp_path / "a.toml", data, "--max-effects", 1, "--no-nested", "-o", tmp_path / "c.toml")
-    stdout_of("undo", tmp_path / "b.toml", "-o", tmp_path / "refitted.toml")  # without what option 4 held
-    stdout_of("undo", tmp_path / "refitted.toml", "-o", tmp_path / "back.toml")
+    stdout_of("undo", tmp_path / "b.toml", "-o", tmp_path / "back.toml")
     assert (tmp_path / "back.toml").read_bytes() == (tmp_path / "a.toml").read_bytes()
     for name in ("a", "b", "c"):
         covariance = load_covariance(tmp_path / f"{name}.toml")
