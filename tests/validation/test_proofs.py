@@ -122,7 +122,7 @@ def test_the_history_is_kept_in_a_branch_of_its_own(tmp_path: Path) -> None:
     """The script that the weekly workflow and the site run, twice, against a remote of this machine."""
     remote, work = tmp_path / "remote.git", tmp_path / "work"
     subprocess.run(["git", "init", "--quiet", "--bare", remote], check=True)
-    for part in ("packaging/history.sh", "validation/__init__.py", "validation/proofs"):
+    for part in ("packaging/history.sh", "validation/__init__.py", "validation/commit.py", "validation/proofs"):
         copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copyfile
         (work / part).parent.mkdir(parents=True, exist_ok=True)
         copy(ROOT / part, work / part)
