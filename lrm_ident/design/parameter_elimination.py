@@ -69,7 +69,7 @@ def eliminate(
     threshold: float = PUBLISHED_THRESHOLD,
     noise: float = 3e-4,
 ) -> ParameterElimination:
-    """Removes parameters until every singular value reaches the threshold.
+    """Removes parameters until every singular value reaches the threshold; what went for one that went later returns.
 
     Args:
         settled: equilibrium at the poses, at the parameters to linearise about.
@@ -91,6 +91,10 @@ def eliminate(
             raise LrmError(f"no parameter reaches a singular value of {threshold:g} mm; lower --threshold")
         before, least = least, _smallest(triangle[:, kept])
         removals.append(RemovedParameter(key, before, least))
+    for removal in reversed(removals[:-1]):
+        both = sorted([*kept, order.index(removal.key)])
+        if _smallest(triangle[:, both]) >= threshold:
+            kept, removals = both, [one for one in removals if one is not removal]
     typical = np.array([model.parameter(key).typical for key in order])
     scaled = by_units["scaled"].reshape(columns.shape) * 1e-3
     scaled[:, _zero_columns(scaled)] = 0.0

@@ -82,6 +82,9 @@ def check_solves(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
 
 
 @pytest.mark.slow
+@example(meeting_arm(1425, False, "skew"), 1425)
+@example(meeting_arm(775, False, "skew"), 775)
+@example(meeting_arm(1271, False, "skew"), 1271)
 @given(shipped | meeting_arms, seeds)
 def test_every_branch_solves_the_goal_and_the_original_angles_are_found(arm: Arm, seed: int) -> None:
     solver = NominalSolver.of(arm)

@@ -601,26 +601,58 @@ static double skew_miss(const Form *f, double height, double square, double t) {
     return u[0] * u[0] + u[1] * u[1] + v[2] * v[2] - dot(v, v);
 }
 
-/* Its zeros: Newton's method from both sides of every sample that is no larger than its neighbours, so that both of two
- * close zeros are found. */
+/* A trigonometric polynomial of degree 2 by its coefficients of 1, cos t, sin t, cos 2t, sin 2t, or a derivative. */
+static double wave(const double *w, int derivative, double t) {
+    const double c = cos(t), s = sin(t), c2 = c * c - s * s, s2 = 2 * s * c;
+    if (derivative == 0) return w[0] + w[1] * c + w[2] * s + w[3] * c2 + w[4] * s2;
+    if (derivative == 1) return w[2] * c - w[1] * s + 2 * (w[4] * c2 - w[3] * s2);
+    return -w[1] * c - w[2] * s - 4 * (w[3] * c2 + w[4] * s2);
+}
+
+/* Its zero, or that of a derivative, between two angles where the signs differ: Newton's method, bisection where that
+ * leaves the bracket. */
+static double zero_between(const double *w, int derivative, double low, double high) {
+    const int positive = wave(w, derivative, high) > 0;
+    double x = 0.5 * (low + high);
+    for (int it = 0; it < 100; it++) {
+        const double y = wave(w, derivative, x), slope = wave(w, derivative + 1, x);
+        if ((y > 0) == positive) high = x;
+        else low = x;
+        double next = x - y / slope;
+        if (!(next > low && next < high)) next = 0.5 * (low + high);
+        if (fabs(next - x) < 1e-15) return next;
+        x = next;
+    }
+    return x;
+}
+
+/* Its zeros. |v|^2 has no second harmonic in t, so skew_miss is a trigonometric polynomial of degree 2: its coefficients
+ * follow from eight samples. Zeros lie where the sign changes between two samples, and on both sides of an extremum that
+ * crosses zero between them; one that only touches it is a double zero. */
 static int skew_elbow(const Form *f, double height, double square, double *t) {
-    enum { SAMPLES = 48 };
-    const double gap = TURN / SAMPLES, h = 1e-4, tiny = 1e-12 * f->length * f->length;
-    double miss[SAMPLES];
+    enum { HARMONIC = 8, SAMPLES = 256 }; /* so many that two extrema hardly lie between two of them */
+    const double gap = TURN / SAMPLES, tiny = 1e-12 * f->length * f->length;
+    double w[5] = {0}, found[2];
     int count = 0;
-    for (int i = 0; i < SAMPLES; i++) miss[i] = fabs(skew_miss(f, height, square, i * gap));
-    for (int i = 0; i < 2 * SAMPLES; i++) {
-        const int k = i / 2;
-        if (miss[k] > miss[(k + 1) % SAMPLES] || miss[k] > miss[(k + SAMPLES - 1) % SAMPLES]) continue;
-        double x = (i % 2 ? k + 1 : k - 1) * gap, step = 1;
-        for (int it = 0; it < 40 && fabs(step) > 1e-14; it++) {
-            const double up = skew_miss(f, height, square, x + h), down = skew_miss(f, height, square, x - h);
-            step = up != down ? clipped(-skew_miss(f, height, square, x) * 2 * h / (up - down), -gap, gap) : 0;
-            x += step;
+    for (int i = 0; i < HARMONIC; i++) {
+        const double x = i * TURN / HARMONIC, y = skew_miss(f, height, square, x) * 2 / HARMONIC;
+        w[0] += 0.5 * y, w[1] += y * cos(x), w[2] += y * sin(x), w[3] += y * cos(2 * x), w[4] += y * sin(2 * x);
+    }
+    for (int i = 0; i < SAMPLES; i++) {
+        const double a = i * gap, b = a + gap, at_a = wave(w, 0, a), at_b = wave(w, 0, b);
+        int zeros = 0;
+        if ((at_a > 0) != (at_b > 0)) found[zeros++] = zero_between(w, 0, a, b);
+        else if (wave(w, 1, a) * at_a < 0 && wave(w, 1, b) * at_b > 0) {
+            const double turn = zero_between(w, 1, a, b), at_turn = wave(w, 0, turn);
+            if ((at_turn > 0) != (at_a > 0))
+                found[zeros++] = zero_between(w, 0, a, turn), found[zeros++] = zero_between(w, 0, turn, b);
+            else if (fabs(at_turn) < tiny) found[zeros++] = turn;
         }
-        int new = count < 4 && fabs(skew_miss(f, height, square, x)) < tiny;
-        for (int m = 0; m < count; m++) new &= fabs(remainder(x - t[m], TURN)) > 1e-6;
-        if (new) t[count++] = x;
+        for (int z = 0; z < zeros; z++) {
+            int new = count < 4;
+            for (int m = 0; m < count; m++) new &= fabs(remainder(found[z] - t[m], TURN)) > 1e-9;
+            if (new) t[count++] = found[z];
+        }
     }
     return count;
 }
