@@ -267,7 +267,7 @@ def test_arming_without_a_pose_says_what_is_needed(daemon: InMemoryDaemon, does,
     daemon.run(6)
     daemon.sim.core.stored = daemon.sim.core.saved(10**18)
     line = refuses("arm")
-    assert "where the arm stands" in line
+    assert "where each servo that is off stands" in line
     assert "joint2 5.0" in line
     does("arm", "--stored", "--servo", "joint2")
     assert daemon.sim.report.outputs == 0b10

@@ -83,7 +83,7 @@ def test_pulses_that_end_under_load_leave_no_stored_pose(config: Config, end: st
     with pytest.raises(RequestError, match="its pulses ended in motion or under load") as refused:
         arm_at_stored(sim)
     assert refused.value.code == "pose_needed"
-    assert "lrm arm --q" in str(refused.value), "what to type"
+    assert "lrm arm --at SERVO ANGLE" in str(refused.value), "what to type"
     assert on(sim) == before
 
 

@@ -78,7 +78,7 @@ def test_it_boots_disarmed_with_outputs_off(sim: SimulatedDaemon) -> None:
 
 
 def test_arming_at_an_unknown_position_is_refused(sim: SimulatedDaemon) -> None:
-    with pytest.raises(LrmError, match="where the arm stands"):
+    with pytest.raises(LrmError, match="where each servo that is off stands"):
         sim.core.handle(ArmRequest(lease=lease(sim)), sim.now)
 
 
