@@ -154,7 +154,8 @@ class CourseTable(StrictSchema):
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it.
 
-    `step`: `fit`, `add`, `refit` or `transfer`; `of`: the effect that was added, the prior, the bench (`StepName`).
+    `step`: `fit`, `add`, `refit`, `leave_out`, `free` or `transfer`; `of`: the effect that was added, the prior, the
+    bench (`StepName`).
     `nominal_rms_mm`: error of the nominal arm on the same data, of a fit.
     `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
