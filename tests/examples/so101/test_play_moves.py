@@ -87,5 +87,5 @@ def test_interrupted_it_holds_and_keeps_what_it_played(tmp_path: Path) -> None:
     assert player.returncode == 1, said
     assert "stopped; the arm holds. What was played is kept" in said
     last = np.genfromtxt(recording, delimiter=",", names=True)["q3_deg"][-1]
-    assert 12.0 < last < 40.0, "the servo turns a little further than commanded: gain"
+    assert 15.0 / 1.036 < last < 40.0, "the servo of joint 3 turns further than commanded: by its gain, 3.6 % at most"
     assert stands == pytest.approx(last, abs=3.0)

@@ -15,6 +15,7 @@ import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.source import Source
+from lrm_ident.report.text.notices import notice_words
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.notices import NoticeKind
 from lrm_ident.study.study import Study
@@ -298,3 +299,25 @@ def test_what_a_held_dimension_explains_is_no_evidence_for_an_effect() -> None:
     assert before > 10.0 * now > 0.0
     assert [notice.kind for notice in after.notices] == [NoticeKind.DIMENSIONS_HELD]
     assert len(after.model.free) == len(after.model.keys)
+
+
+def test_a_run_says_where_held_dimensions_cannot_be_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    study = Study.of(lrm.load(lrm.EXAMPLE).take(np.arange(60))).fit("compliance.*")
+
+    def refused(*_: object) -> None:
+        raise LrmError("no convergence")
+
+    monkeypatch.setattr("lrm_ident.study.study.fit_identifiable", refused)
+    begun = study.with_dimensions()
+    assert begun.model is study.model
+    assert [notice.kind for notice in begun.notices[len(study.notices) :]] == [NoticeKind.DIMENSIONS_KEPT]
+    assert notice_words(begun.notices[-1]).endswith("for what they explain: no convergence")
+
+
+def test_a_run_begins_with_the_default_fit_as_it_is() -> None:
+    """It holds nothing; a diagnosis judges a model of chosen parameters as it is."""
+    data = lrm.load(lrm.EXAMPLE).take(np.arange(60))
+    study, chosen = Study.of(data).fit(), Study.of(data).fit("compliance.*")
+    assert study.with_dimensions() is study
+    assert chosen.identifiable() is chosen
+    assert chosen.with_dimensions().with_dimensions().model.free == chosen.with_dimensions().model.free

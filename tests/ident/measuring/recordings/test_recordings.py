@@ -270,6 +270,13 @@ def test_rests_are_found_through_the_noise_of_a_cheap_tracker(rate: float, noise
         np.testing.assert_array_equal(tips[rows], np.tile(place, (len(rows), 1)))
 
 
+def test_rests_are_found_where_times_are_rounded_to_whole_seconds() -> None:
+    """A log at 10 Hz with dates: most steps of time are zero."""
+    t, tips = walk()
+    rests = still_rests(np.floor(t[::10]), tips[::10], 1.0)
+    assert all((tips[::10][rows] == tips[::10][rows[0]]).all() for rows in rests)
+
+
 def published(folder: Path, q: np.ndarray, tips: np.ndarray) -> tuple[Path, Path]:
     """Files as the author's MATLAB wrote them: positions in mm with x and y turned, numbers and angles in rad."""
     positions, angles = folder / "measured_rotated.mat", folder / "goodconf_corrected.mat"
