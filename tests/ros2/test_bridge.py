@@ -281,9 +281,13 @@ def test_an_action_is_followed_cancelled_and_held_when_its_client_is_lost(tmp_pa
             assert "its client is gone" in why
             assert rover.mode().mode == "holding"
             assert q1(rover) < 0.9
-            status_list = peer.last(f"lrm/{ACTION}/status", STATUS).status_list
-            states = {bytes(one.goal_info.goal_id.uuid)[0]: one.status for one in status_list}
-            assert states == {3: 6, 4: 4, 5: 5, 7: 6}
+
+            def states() -> dict[int, int]:
+                status_list = peer.last(f"lrm/{ACTION}/status", STATUS).status_list
+                return {bytes(one.goal_info.goal_id.uuid)[0]: one.status for one in status_list}
+
+            # Result and status are two messages: the answer to `get_result` may be here before the topic's.
+            wait_for(lambda: states() == {3: 6, 4: 4, 5: 5, 7: 6}, "the status of every goal")
 
 
 def test_without_the_option_no_trajectory_is_listened_to_and_hold_and_estop_are_services_all_the_same(
