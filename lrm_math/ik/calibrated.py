@@ -17,7 +17,15 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved, apart, distinct
-from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, friction_of, nearest
+from lrm_math.ik.calibrated_arm import (
+    CalibratedArm,
+    CancellationCheck,
+    IkSolutions,
+    Method,
+    friction_of,
+    nearest,
+    uncancelled,
+)
 from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
 from lrm_math.kinematics.known import Known
@@ -118,6 +126,7 @@ class CalibratedSolver:
         rounding: Rounding = Rounding.EACH,
         allowed: CommandFilter | None = None,
         motion: Motion | None = None,
+        check_cancelled: CancellationCheck = uncancelled,
     ) -> CalibratedReply:
         """Commands for one goal.
 
@@ -130,20 +139,23 @@ class CalibratedSolver:
             allowed: which commands may be answered, for instance collision-free ones; None: all.
             motion: record of the moves that led to `near`, from which follows the friction on arrival; None: as if the
                 move to the goal were a long one.
+            check_cancelled: called during the search.
 
-        Raises `LrmError`: a negative or infinite payload, or `near` that is not n finite angles.
+        Raises `LrmError`: a negative or infinite payload, or `near` that is not n finite angles; and what
+        `check_cancelled` raises.
         """
         started = time.perf_counter()
         query = IkQuery(goal, _checked_load(payload), self._angles("near", near), motion)
-        reply = self._answer(query, method, rounding, allowed)
+        reply = self._answer(query, method, rounding, allowed, check_cancelled)
         return replace(reply, left_out=self.left_out, elapsed=time.perf_counter() - started)
 
     def _answer(
-        self, query: IkQuery, method: Method, rounding: Rounding, allowed: CommandFilter | None
-    ) -> CalibratedReply:
+        self, query: IkQuery, method: Method, rounding: Rounding, allowed: CommandFilter | None,
+        check_cancelled: CancellationCheck,
+    ) -> CalibratedReply:  # fmt: skip
         """The first command that is allowed and settles, or why there is none."""
         asked: dict[str, Any] = {"goal": query.goal, "method": method.name}
-        found = method.find(self.arm, query)
+        found = method.find(self.arm, query, check_cancelled)
         if isinstance(found, NotConverged):
             return found
         found = found or IkSolutions((), 0)

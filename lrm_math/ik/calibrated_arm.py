@@ -4,7 +4,7 @@ answers unpacked; all commands that reach a goal, the nearest to one, and nomina
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -64,6 +64,14 @@ class IkSolutions:
         return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
 
 
+CancellationCheck = Callable[[], None]
+"""Called now and then during a search; raises an error once the answer is not wanted any more."""
+
+
+def uncancelled() -> None:
+    """Lets a search go on."""
+
+
 class Method(Protocol):
     """A method of the calibrated inverse."""
 
@@ -71,8 +79,10 @@ class Method(Protocol):
     def name(self) -> str:
         """Name in replies."""
 
-    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | NotConverged | None:
-        """Commands for one goal; None where the method finds none."""
+    def find(
+        self, arm: CalibratedArm, query: IkQuery, check_cancelled: CancellationCheck = uncancelled
+    ) -> IkSolutions | NotConverged | None:
+        """Commands for one goal; None where the method finds none. Raises what `check_cancelled` raises."""
 
 
 @dataclass(frozen=True, eq=False)

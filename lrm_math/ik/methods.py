@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,15 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.ik.answer import NotConverged
-from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, commands, initial_guesses
+from lrm_math.ik.calibrated_arm import (
+    CalibratedArm,
+    CancellationCheck,
+    IkSolutions,
+    Method,
+    commands,
+    initial_guesses,
+    uncancelled,
+)
 from lrm_math.ik.goal import IkQuery, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, matrices
 
@@ -24,8 +33,11 @@ class Direct:
 
     name: str = "direct"
 
-    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
+    def find(
+        self, arm: CalibratedArm, query: IkQuery, check_cancelled: CancellationCheck = uncancelled
+    ) -> IkSolutions | None:
         """All branches, or commands nearest to `near`; None if no seed leads to the goal."""
+        check_cancelled()
         return commands(arm, query)
 
 
@@ -45,10 +57,6 @@ class CubeResult:
     error: float
 
 
-def uncancelled() -> None:
-    """Lets a search go on."""
-
-
 @dataclass(frozen=True)
 class Cube:
     """Nominal inverse, one correction by the calibrated arm's error there, then the best of a cube of goals about it.
@@ -62,14 +70,12 @@ class Cube:
     reach the goal; only its neighbourhood, so that the error of the best still shows what a cube can do.
 
     `side`: m. `points`: goals along each edge. `guesses`: maximum number of starts, each with its cubes.
-    `check_cancelled`: called before each cube; what it raises ends the search, which may take seconds on a small board.
     """
 
     side: float = 0.01
     points: int = 11
     moves: int = 4
     guesses: int = 24
-    check_cancelled: Callable[[], None] = uncancelled
     name: str = "cube"
 
     def __post_init__(self) -> None:
@@ -79,10 +85,14 @@ class Cube:
                 "should be a side above 0, 2 or more points, 0 or more moves and 1 or more guesses"
             )
 
-    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
+    def find(
+        self, arm: CalibratedArm, query: IkQuery, check_cancelled: CancellationCheck = uncancelled
+    ) -> IkSolutions | None:
         """The best of the cube refined by Newton, and all other branches."""
+        check_cancelled()
         others = commands(arm, query)
-        result = self.search(arm, query, [] if others is None else [command.q for command in others.within])
+        known = [] if others is None else [command.q for command in others.within]
+        result = self.search(arm, query, known, check_cancelled)
         if result is None:
             return others
         polished = tuple(arm.at_goal(query, result.slots))
@@ -90,14 +100,18 @@ class Cube:
             return IkSolutions(polished, 0, result.error) if polished else None
         return replace(others, commands=(*polished, *others.commands), error=result.error)
 
-    def search(self, arm: CalibratedArm, query: IkQuery, known: Sequence[tuple[float, ...]] = ()) -> CubeResult | None:
+    def search(
+        self, arm: CalibratedArm, query: IkQuery, known: Sequence[tuple[float, ...]] = (),
+        check_cancelled: CancellationCheck = uncancelled,
+    ) -> CubeResult | None:  # fmt: skip
         """The best of the cubes; None where the arm does not settle or the nominal inverse has no solution.
 
-        `known`: commands (rad) known to reach the goal; see the class.
+        `known`: commands (rad) known to reach the goal; see the class. `check_cancelled`: called before each cube; what
+        it raises ends the search, which may take seconds on a small board.
         """
         best: CubeResult | None = None
         for start in itertools.islice(_starts(arm, query, known), self.guesses):
-            result = self._search_from(arm, query, start)
+            result = self._search_from(arm, query, start, check_cancelled)
             best = result if best is None or (result is not None and result.error < best.error) else best
             if best is not None and best.error <= self.width:
                 break
@@ -108,14 +122,16 @@ class Cube:
         """Spacing of the grid (m)."""
         return self.side / (self.points - 1)
 
-    def _search_from(self, arm: CalibratedArm, query: IkQuery, q: Array) -> CubeResult | None:
+    def _search_from(
+        self, arm: CalibratedArm, query: IkQuery, q: Array, check_cancelled: CancellationCheck
+    ) -> CubeResult | None:
         best: CubeResult | None = None
         kernel, goal = arm.kernel(query.payload), np.array(query.goal.position)
         here = arm.equilibria(query.payload, q[None])
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
-            self.check_cancelled()
+            check_cancelled()
             centre = frames_as_numbers(*_corrected(query, arm.nominal_tool(q), matrices(here.tcp)[0]))
             _, known, _ = kernel.settle(q[None], np.zeros((1, kernel.joints)), here.slots, COARSE)
             target = goal + known[0, 9:] - here.tcp[0, 9:]
@@ -170,12 +186,15 @@ class Iterative:
     most: int = 100
     name: str = "iterative"
 
-    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | NotConverged | None:
+    def find(
+        self, arm: CalibratedArm, query: IkQuery, check_cancelled: CancellationCheck = uncancelled
+    ) -> IkSolutions | NotConverged | None:
         """The last iterate; None if the arm does not settle at the start."""
         q, errors = next(initial_guesses(arm, query)), list[float]()
         drawn, goal = arm.nominal_tool(q), np.array(query.goal.position)
         start = arm.unloaded_slots(q[None])
         for step in range(1, self.most + 1):
+            check_cancelled()
             settled = arm.equilibria(query.payload, q[None], start=start, tolerance=0.1 * STILL)
             if not len(settled.rows):
                 break
@@ -200,6 +219,7 @@ DEFAULT: Method = Cube()
 QUICKEST: Method = Direct()
 
 
+@lru_cache(maxsize=64)
 def method_named(name: str, **options: Any) -> Method:
     """A method with those of its settings that are among `options`, which may be other methods' too.
 

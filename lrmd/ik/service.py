@@ -19,9 +19,9 @@ from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
+from lrm_math.ik.calibrated_arm import CalibratedArm, CancellationCheck, Method, friction_of, uncancelled
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose, pose_rpy
-from lrm_math.ik.methods import QUICKEST, method_named, uncancelled
+from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known, MemoryState
 from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -59,8 +59,6 @@ UNIQUE_TOLERANCE = 1e-6
 CLOSE = 1e-7
 """m: tolerance of the tip by which an uncertain memory is judged."""
 UNKNOWN = Known()
-CancellationCheck = Callable[[], None]
-"""Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
 
 def goal_of(entry: GoalEntry) -> Goal:
@@ -263,12 +261,12 @@ class IkService:
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         settings: dict[str, Any] = {"side": request.cube_side_m, "points": request.cube_points}
-        method = method_named(request.method, **settings, check_cancelled=check_cancelled)
+        method = method_named(request.method, **settings)
         near, motion = _start(request.near_rad, known)
         payload, rounding = request.payload_kg or 0.0, Rounding(request.round)
 
         def ask(goal: Goal, at: IkService) -> IkAnswer:
-            return at._permitting(request)._answer(goal, payload, near, method, rounding, motion)
+            return at._permitting(request)._answer(goal, payload, near, method, rounding, motion, check_cancelled)
 
         here = self._here(known, payload)
         yield from (self._reaching(goal, here, known, payload, ask) for goal in goals)
@@ -362,12 +360,14 @@ class IkService:
 
     def _answer(
         self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding,
-        motion: Motion | None = None,
+        motion: Motion | None = None, check_cancelled: CancellationCheck = uncancelled,
     ) -> IkAnswer:  # fmt: skip
-        """The answer to one goal, with the time that it took."""
+        """The answer to one goal, with the time that it took. Raises what `check_cancelled` raises."""
         started = time.perf_counter()
         try:
-            reply = self.solver.solve(goal, payload, near, method, rounding, self.feasibility.feasible, motion)
+            reply = self.solver.solve(
+                goal, payload, near, method, rounding, self.feasibility.feasible, motion, check_cancelled
+            )
             content = self._content(reply, payload)
         except RequestError:
             raise
