@@ -190,6 +190,25 @@ def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tup
     assert second >= 0.001 + beyond
 
 
+def test_distance_of_the_nearest_command_is_that_of_the_move_from_where_the_arm_is() -> None:
+    """Hysteresis leaves a joint on the side of its arrival, so that the tip rests elsewhere."""
+    thesis = load_model(TABLE_B2)
+    added = tuple(effects_at(thesis.arm, "hysteresis"))
+    known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
+    model = model_of(thesis.arm, (*thesis.effects, *added), known)
+    given = {key: p.typical for key, p in zip(model.keys, model.parameters, strict=True) if key not in known}
+    asked = CalibratedSolver.of(model_of(thesis.arm, model.effects, known | given))
+    limits = asked.arm.limits
+    for begin in (limits.lower, limits.upper):
+        reply = asked.solve(point((0.9, -0.2, 0.1)), LOAD, begin, method=Direct())
+        assert isinstance(reply, Unsolved)
+        assert reply.nearest is not None
+        there = asked.forward(reply.nearest.q, LOAD, begin)
+        assert math.dist(there.tcp, (0.9, -0.2, 0.1)) == pytest.approx(reply.nearest.distance, abs=1e-8)
+        elsewhere = asked.forward(reply.nearest.q, LOAD)
+        assert math.dist(elsewhere.tcp, there.tcp) > 1e-5
+
+
 def test_nominal_arm_stretches_to_its_full_length() -> None:
     ball = solver("nominal").arm.library.reach_ball
     for elevation in (0.6, 0.9, 1.2):
