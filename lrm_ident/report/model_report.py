@@ -200,7 +200,7 @@ class ModelReport:
         return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
 
     def document(self) -> Document:
-        """Values of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
+        """Values of `lrm-ident report`, schema `lrm/report/2`: those of `compare` and `diagnose`, and the history."""
         values = {
             "comparison": None if self.comparison is None else self.comparison.values,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.values,
@@ -210,7 +210,7 @@ class ModelReport:
             "sigma": self.file.sigma,
             "provenance": None if self.file.provenance is None else self.file.provenance.model_dump(exclude_none=True),
         }
-        return Document([], "lrm/report/1", values)
+        return Document([], "lrm/report/2", values)
 
 
 def models_of_steps(study: Study) -> list[tuple[str, Model]]:
