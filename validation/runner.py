@@ -11,15 +11,17 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NoReturn, TypeVar
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from lrm_ident.fitting.executors import as_finished, executor_for
+from lrm_ident.report.document import plain
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
 from validation.commit import COMMIT
 
+NO_CASE = "no case is chosen; --help lists the options that choose"
 Case = TypeVar("Case")
 Result = TypeVar("Result")
 
@@ -39,7 +41,7 @@ class ResultsFile(Generic[Result]):
     failed: Callable[[Result], bool] = lambda _: False
 
     def read(self) -> dict[str, Result]:
-        """Results by key, without those that failed; none where there is no file yet.
+        """Results by key, without those that failed or lack a number (null); none where there is no file yet.
 
         Raises `FileError` for another file, and for results of other code.
         """
@@ -49,21 +51,39 @@ class ResultsFile(Generic[Result]):
             document: dict[str, Any] = json.loads(self.path.read_text(encoding="utf-8"))
             if document["schema"] != self.schema:
                 raise KeyError(self.schema)
-            one = TypeAdapter(self.kind)
-            results = {key: one.validate_python(values) for key, values in document["cases"].items()}
+            kind = TypeAdapter(self.kind)
+            results = {key: _validated(kind, values) for key, values in document["cases"].items()}
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise FileError(self.path, "cases", f"holds no results of {self.schema}; name another file") from None
         if document.get("commit") != COMMIT:
             raise FileError(self.path, "commit", f"{document.get('commit')}; the code is {COMMIT}", "name another file")
-        return {key: result for key, result in results.items() if not self.failed(result)}
+        return {key: result for key, result in results.items() if result is not None and not self.failed(result)}
 
     def write(self, results: Mapping[str, Result]) -> None:
         """Writes all of them. Raises `FileError`."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        one = TypeAdapter(self.kind)
-        cases = {key: one.dump_python(result) for key, result in results.items()}
-        document = {"schema": self.schema, "commit": COMMIT, **self.beside, "cases": cases}
-        write_atomically(self.path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
+        document = {"schema": self.schema, "commit": COMMIT, **self.beside, "cases": results}
+        write_atomically(self.path, json_text(document).encode())
+
+
+def _validated(kind: TypeAdapter[Result], values: object) -> Result | None:
+    try:
+        return kind.validate_python(values)
+    except ValidationError as error:
+        if all(one["input"] is None for one in error.errors()):
+            return None
+        raise
+
+
+def json_text(document: object) -> str:
+    """JSON of dataclasses, arrays and containers; NaN and infinity, which JSON has not, are null."""
+    return json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def refuse(problem: object) -> NoReturn:
+    """Ends a program with one line and exit code 2."""
+    print(problem, file=sys.stderr)
+    raise SystemExit(2)
 
 
 def run_cases(
@@ -84,8 +104,10 @@ def run_cases(
         cluster: address of a Dask scheduler, in place of processes.
         file: results that are there already are not computed again; each new one is written at once.
 
-    Raises `FileError`: the file is another one.
+    Raises `FileError`: the file is another one. Ends the program where there is no case.
     """
+    if not cases:
+        refuse(NO_CASE)
     results = file.read() if file else {}
     left = [key for key in cases if key not in results]
     for number, result in _finished(examine, [cases[key] for key in left], jobs, cluster):

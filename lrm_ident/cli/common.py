@@ -13,7 +13,7 @@ from rich.progress import TaskID
 
 from lrm_ident.cli.consoles import animated, log, out
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.load import load_poses, pose_doubts
+from lrm_ident.data.measurement_file.load import load_pose_table, pose_doubts
 from lrm_ident.data.measurements import Measurements, Part, every_pose
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.fitting.effect_plugins import Catalogue
@@ -152,8 +152,8 @@ def read_measurements(
 
 def read_poses(path: Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
     """Commanded poses; what a person should know of the file goes to stderr. Raises `FileError`."""
-    poses = load_poses(path, arm, reading)
-    notice(*pose_doubts(path, arm, poses, reading))
+    poses, table = load_pose_table(path, arm, reading)
+    notice(*pose_doubts(table, arm, reading))
     return poses
 
 

@@ -75,7 +75,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
 
 
 def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
-    """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
+    """Result of `lrm-ident design`, schema `lrm/design/2`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
     leads = [*_leads(found), *_holds(found)]
     described = candidates_words(offer.origin) if isinstance(offer.origin, ClearAngles) else offer.origin
@@ -124,7 +124,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "limitations": stated(limitations, limitation_sentence),
     }
     about = "candidates, observability indices, the least known parameters"
-    return Document(blocks, "lrm/design/1", values, _knowledge_table(found), details, about)
+    return Document(blocks, "lrm/design/2", values, _knowledge_table(found), details, about)
 
 
 def pose_table(found: PoseDesign) -> ResultTable:

@@ -14,6 +14,7 @@ from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, term_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
+from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.report.diagnosis.conclusion import LACKS, UNKNOWN_FILES, CommandNames, Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
@@ -22,6 +23,7 @@ from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import StepCard, of_data, step_cards
 from lrm_ident.report.story import Kind, Story, story_of
+from lrm_ident.report.text.notices import prior_words
 from lrm_ident.report.text.residuals import where
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
@@ -139,12 +141,16 @@ class ModelReport:
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
-        """Labelled facts of the conclusion, how often the effects were chosen again, and what these poses lack."""
+        """Labelled facts of the conclusion, how often the effects were chosen again, and what these poses lack.
+
+        A diagnosis is of a model with typical sizes as prior: what it shows of a fit with another one is said.
+        """
         if self.conclusion is None:
             return ()
-        again = self._story({})
+        again, known = self._story({}), self.file.provenance
+        other = [] if known is None or known.prior in (None, TYPICAL) else [("prior", prior_words(str(known.prior)))]
         lack = [(LACKS, " ".join(self.conclusion.reasons))] if self.conclusion.reasons else []
-        return (*self.conclusion.facts, *(() if again is None else again.certainty), *lack)
+        return (*self.conclusion.facts, *other, *(() if again is None else again.certainty), *lack)
 
     @property
     def floor_mm(self) -> float | None:
@@ -194,7 +200,7 @@ class ModelReport:
         return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
 
     def document(self) -> Document:
-        """Values of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
+        """Values of `lrm-ident report`, schema `lrm/report/2`: those of `compare` and `diagnose`, and the history."""
         values = {
             "comparison": None if self.comparison is None else self.comparison.values,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.values,
@@ -204,7 +210,7 @@ class ModelReport:
             "sigma": self.file.sigma,
             "provenance": None if self.file.provenance is None else self.file.provenance.model_dump(exclude_none=True),
         }
-        return Document([], "lrm/report/1", values)
+        return Document([], "lrm/report/2", values)
 
 
 def models_of_steps(study: Study) -> list[tuple[str, Model]]:

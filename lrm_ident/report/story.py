@@ -123,8 +123,9 @@ class Story:
     @property
     def longest(self) -> float:
         """Error (mm) of the longest bar of a waterfall, which ends a longer one."""
-        most, later = (max((one.rms_mm for one in of), default=0.0) for of in (self.steps, self.steps[1:]))
-        return ROOM * later if later and most > TORN * later else most
+        nominal, *later = (one.rms_mm for one in self.steps)
+        most = max((*later, *(mm for _, mm in self.ends)), default=0.0)
+        return ROOM * most if most and nominal > TORN * most else max(nominal, most)
 
     @property
     def certainty(self) -> tuple[tuple[str, str], ...]:

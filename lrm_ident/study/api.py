@@ -117,8 +117,8 @@ def load_poses(file: str | Path, arm: Arm | str | Path, reading: Reading = AS_NA
     Warns of what a person should know of the file. Raises `FileError`.
     """
     the_arm, path, how = arm if isinstance(arm, Arm) else load_arm(arm_named(arm)), path_of(file), reading_of(reading)
-    poses = pose_files.load_poses(path, the_arm, how)
-    for words in pose_files.pose_doubts(path, the_arm, poses, how):
+    poses, table = pose_files.load_pose_table(path, the_arm, how)
+    for words in pose_files.pose_doubts(table, the_arm, how):
         warnings.warn(str(words), stacklevel=3)
     return poses
 

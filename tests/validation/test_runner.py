@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+import json
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +73,38 @@ def test_results_of_other_code_are_refused_and_failed_cases_computed_again(
     monkeypatch.setattr("validation.runner.COMMIT", "01234567")
     with pytest.raises(FileError, match="the code is 01234567"):
         file.read()
+
+
+def test_a_number_that_json_lacks_is_null_and_its_case_is_computed_again(tmp_path: Path) -> None:
+    file = ResultsFile(tmp_path / "found.json", Outcome, "hidden-effects/1")
+    known = Outcome("play2", 3, z=(1.0,))
+    file.write({"known": known, "unknown": Outcome("play2", 4, z=(math.nan,))})
+    document = json.loads(file.path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert document["cases"]["unknown"]["z"] == [None]
+    assert file.read() == {"known": known}
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "hidden_effects.__main__ --only nowhere",
+        "motion.__main__ --only nowhere",
+        "as_deployed.__main__ --only nowhere",
+        "swinging_arm.__main__ --only nowhere",
+        "touched_points.simulated_arms --only 99",
+        "proofs.real_arms --data nowhere",
+    ],
+)
+def test_no_case_is_one_line_and_exit_code_2(
+    program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    module, *_ = words = program.split()
+    monkeypatch.setattr(sys, "argv", words)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        importlib.import_module(f"validation.{module}").main()
+    assert end.value.code == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

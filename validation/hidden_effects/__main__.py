@@ -8,7 +8,6 @@ creeps, warms and slips; `faults` to `faults-blind-report`, what goes wrong in a
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -20,7 +19,7 @@ from validation.hidden_effects.examine import Task, examine
 from validation.hidden_effects.outcome import Outcome
 from validation.hidden_effects.tables import TITLE, faults, memories, report, section
 from validation.options import asked
-from validation.runner import ResultsFile, run_cases
+from validation.runner import ResultsFile, refuse, run_cases
 
 
 def main() -> None:
@@ -41,17 +40,15 @@ def main() -> None:
     )
     unknown = set(options.part.split(",")) - set(PARTS)
     if unknown:
-        sys.exit(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
+        refuse(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
     parts, only = options.part.split(","), options.only.split(",")
     keys = [key for part in parts for key in PARTS[part] if any(word in key for word in only)]
-    if not keys:
-        sys.exit(f"no case of {options.part} has {options.only} in its name")
     seeds = range(options.first, options.first + options.seeds)
     tasks = [(key, seed, arm) for key in keys for arm in options.arm.split(",") for seed in seeds]
     try:
         outcomes = run(tasks, options.poses, options.jobs, options.cluster, options.keep, options.results)
     except FileError as problem:
-        sys.exit(str(problem))
+        refuse(problem)
     text = tables(outcomes, parts[0], options.poses, options.seeds)
     print(text)
     if options.out:

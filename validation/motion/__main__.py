@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import Counter
 from dataclasses import asdict, dataclass
@@ -19,7 +18,7 @@ from validation.lerobot_dataset import Recording, write_dataset
 from validation.motion.cases import FIRST, LATER, MotionCase, arm_of, truth_of
 from validation.motion.world import TrueJoints, recorded
 from validation.options import asked
-from validation.runner import run_cases
+from validation.runner import NO_CASE, json_text, refuse, run_cases
 
 
 @dataclass(frozen=True)
@@ -116,6 +115,8 @@ def main() -> None:
     )
     written = {case.name: when for when, cases in (("first", FIRST), ("later", LATER)) for case in cases}
     chosen = [case for case in (*FIRST, *LATER) if given.only in ("", written[case.name]) or given.only in case.name]
+    if not chosen:
+        refuse(NO_CASE)
     rng = np.random.default_rng(given.seed)
     if given.write:
         arm, joint = arm_of(chosen[0], rng)
@@ -140,7 +141,7 @@ def main() -> None:
         )
     if given.json:
         cases = [{"written": written[name], **asdict(one), "inside": one.inside} for name, one in found.items()]
-        given.json.write_text(json.dumps({"seed": given.seed, "cases": cases}, indent=1) + "\n")
+        given.json.write_text(json_text({"seed": given.seed, "cases": cases}), "utf-8")
 
 
 def by_parameter(found: list[MotionOutcome]) -> dict[str, list[float]]:

@@ -7,7 +7,6 @@ poses. *As deployed*: the same of the model that goes to the arm, without what b
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,7 @@ from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import solve_equilibrium
 from validation.options import asked
 from validation.proofs.result_file import FOLDER, computed, write
-from validation.runner import run_cases
+from validation.runner import refuse, run_cases
 from validation.tables import table_row
 
 NAME = "real-arms.json"
@@ -68,7 +67,7 @@ def main() -> None:
     options = asked(__doc__, data=(Path(), "folder of the public data"), jobs=(1, "processes"), out=FOLDER / NAME)
     cases = {f"{name}, {model}": (name, model) for name in SETS if (options.data / name).exists() for model in MODELS}
     if not cases:
-        sys.exit(f"none of {', '.join(SETS)} is in {options.data}; name their folder by --data")
+        refuse(f"none of {', '.join(SETS)} is in {options.data}; name their folder by --data")
     found = run_cases(cases, partial(examine, options.data), lambda _, line: table_row(line), options.jobs)
     write(options.out, computed(COLUMNS, [*found.values()]))
 

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from validation.commit import COMMIT, ROOT
+from validation.runner import json_text
 
 FOLDER = ROOT / "docs" / "proofs"
 SCHEMA = "lrm/proof/1"
@@ -39,7 +40,7 @@ def computed(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> ProofR
 def write(path: Path, result: ProofResult) -> None:
     """Writes the file, and makes its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"schema": SCHEMA, **asdict(result)}, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    path.write_text(json_text({"schema": SCHEMA, **asdict(result)}), "utf-8")
     print(f"{path.name}: {len(result.rows)} rows")
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
@@ -19,7 +18,7 @@ from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, Predicted
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arrays import Array
 from validation.options import asked
-from validation.runner import run_cases
+from validation.runner import json_text, run_cases
 from validation.swinging_arm.rig import SwingingRover, tip_of
 from validation.tables import markdown_table, table_row
 
@@ -90,7 +89,7 @@ def main() -> None:
     found = [*run_cases(cases, partial(examine, given.poses, given.frames), _line, given.jobs).values()]
     print(markdown_table([*COLUMNS], [_cells(one) for one in found]))
     if given.json:
-        given.json.write_text(json.dumps(found, indent=1) + "\n")
+        given.json.write_text(json_text(found), "utf-8")
 
 
 def _cells(one: dict[str, object]) -> list[str]:

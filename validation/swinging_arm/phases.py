@@ -27,7 +27,7 @@ from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.servo import LARGE_SERVO
 from lrmd.sim.swing import inertia
 from validation.options import asked
-from validation.runner import run_cases
+from validation.runner import json_text, run_cases
 from validation.swinging_arm.rig import SPRINGS, SwingingRover, known_model, tip_of
 
 PHASES, STEP, EVERY, FOLLOWED_S, INERTIA_TICKS, AT_ONCE = 12, 0.001, 4, 10.0, 8, 50
@@ -153,7 +153,7 @@ def main() -> None:
     for row in found.values():
         print(json.dumps(row))
     if given.json:
-        given.json.write_text(json.dumps([*found.values()], indent=1) + "\n")
+        given.json.write_text(json_text([*found.values()]), "utf-8")
 
 
 def _line(key: str, row: dict[str, object]) -> str:

@@ -346,7 +346,8 @@ def main() -> None:
         jobs=1,
     )
     counts = options.touches, options.tracker_poses or options.touches
-    chosen = [int(word) for word in options.only.split(",") if word] or range(1, len(CASES) + 1)
+    only = [word for word in options.only.split(",") if word]
+    chosen = [number for number in range(1, len(CASES) + 1) if not only or str(number) in only]
     examine = partial(calibrated_case, options.seed, options.most, counts)
     found = run_cases({str(number): number for number in chosen}, examine, _line, options.jobs)
     print(markdown_table(COLUMNS, [(key, *one.row) for key, one in found.items()]))

@@ -132,21 +132,25 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
             )
         if (np.diff(number) < 0).any():
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
-    t, back = table.column("t"), _runs_backwards(table)
-    if t is not None:
-        if back.any():
-            yield (
-                f"t_s runs backwards at {pose_words(number[back])}, so no times are used. Was the clock set, or is it "
-                "another power-on (add the column session)? Are the rows in the order measured?"
-            )
-        pace_h = float(np.median(np.abs(np.diff(t)))) / 3600.0 if len(t) > 1 else 0.0
-        if pace_h > SLOW_PACE_H:
-            yield f"half of the poses are {pace_h:.3g} h or more apart; if t_s is in milliseconds: rename it t_ms"
+    yield from time_notices(table)
     first = {pose: row for row, pose in enumerate(number.tolist())}
     q, of = table["angles"], [first[pose] for pose in table.integers("repeat_of").tolist()]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
     if away.any():
         yield f"repeat_of: {pose_words(number[away])} is not commanded where the pose is that it repeats"
+
+
+def time_notices(table: NumberTable) -> Iterator[str]:
+    """Notices about the times of the poses."""
+    t, back = table.column("t"), _runs_backwards(table)
+    if back.any():
+        yield (
+            f"t_s runs backwards at {pose_words(table.integers('pose')[back])}, so no times are used. Was the clock "
+            "set, or is it another power-on (add the column session)? Are the rows in the order measured?"
+        )
+    pace_h = 0.0 if t is None or len(t) < 2 else float(np.median(np.abs(np.diff(t)))) / 3600.0
+    if pace_h > SLOW_PACE_H:
+        yield f"half of the poses are {pace_h:.3g} h or more apart; if t_s is in milliseconds: rename it t_ms"
 
 
 def perhaps_radians(q: Array, how: Reading) -> tuple[str, ...]:

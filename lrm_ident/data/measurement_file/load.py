@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units, unused_columns
-from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians, pose_notices, read_poses
+from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians, pose_notices, read_poses, time_notices
 from lrm_ident.data.measurement_file.conventions import conventions_of, motion_of
 from lrm_ident.data.measurement_file.known_columns import (
     KNOWN,
@@ -107,9 +107,10 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses
     return load_pose_table(Path(file), arm, reading)[0]
 
 
-def pose_doubts(path: Path, arm: Arm, poses: Poses, reading: Reading = AS_NAMED) -> tuple[str, ...]:
+def pose_doubts(table: NumberTable, arm: Arm, reading: Reading = AS_NAMED) -> tuple[str, ...]:
     """What a person should know of poses that were read so, in words. Raises `FileError`."""
-    return perhaps_radians(poses.q, conventions_of(path, arm, reading).how)
+    how = conventions_of(table.cells.path, arm, reading).how
+    return (*perhaps_radians(table["angles"], how), *time_notices(table))
 
 
 def load_pose_table(

@@ -15,7 +15,7 @@ from lrm_ident.data.rigid_motion import quaternions, shift, turn
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import BALL, ExportedFile, every_joint_at_zero, left_out
 from lrm_ident.data.wording import joint_labels
-from lrm_math.arm.arm import MimicJoint
+from lrm_math.arm.arm import Arm, MimicJoint
 from lrm_math.arrays import Array
 from lrm_math.effects.compliance import LateralCompliance
 from lrm_math.kinematics.chain import Slot
@@ -26,13 +26,13 @@ RIGID_KP = 1e4
 SPRINGS = ("compliance", "base_compliance", "lateral_compliance")
 HELD = (*SPRINGS, "backlash", "mass", "payload", "gravity")
 """Effects that the file holds, beside constant ones."""
+LED = "others follow its servo alone"
 
 
 def mjcf(model: Model) -> ExportedFile:
     """The MJCF of a model."""
     chain = model.chain
-    springs, led = spring_stiffness(model), led_places(model)
-    play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash" and e.place not in led}
+    springs, play = spring_stiffness(model), static_play(model)
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", gravity=numbers(model.constant_gravity))
@@ -126,18 +126,30 @@ def _add_servo(
     ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=numbers(limits))
 
 
-NO_DEFAULT = {"type": "hinge", "damping": "0.01", "armature": "0", "frictionloss": "0", "stiffness": "0"}
-"""Of play: what a robot's own file may have other defaults for."""
+PLAY_ARMATURE, QUICK_S, HARDEST = 0.01, 0.004, 0.9999
+"""kg·m², s, and MuJoCo's greatest impedance: with them stops give way by less than 0.1 mrad without chatter, and dry
+friction creeps by less than a tenth in ten seconds."""
+OF_PLAY = {
+    "type": "hinge", "damping": "0.01", "armature": str(PLAY_ARMATURE), "frictionloss": "0", "stiffness": "0",
+    "solreflimit": f"{QUICK_S} 1", "solimplimit": f"{HARDEST} {HARDEST} 0.001 0.5 2",
+}  # fmt: skip
+"""Hard stops, and what a robot's own file may have other defaults for."""
+
+
+def angle_unit(root: ElementTree.Element) -> float:
+    """The unit of angle of an MJCF (rad)."""
+    by_degrees = all(one.get("angle", "degree") == "degree" for one in root.findall("compiler"))
+    return float(np.radians(1.0)) if by_degrees else 1.0
 
 
 def add_play(body: ElementTree.Element, name: str, b: float, unit: float = 1.0) -> None:
-    """Gives a joint of a body play, b rad end to end; none where b is 0. `unit`: the file's unit of angle (rad)."""
+    """Gives a joint of a body play, b rad end to end; none where b is 0. `unit`: that of `angle_unit`."""
     if b > 0.0:
         joint = next(one for one in body.findall("joint") if one.get("name") == name)
         placed = {key: value for key in ("class", "axis", "pos") if (value := joint.get(key)) is not None}
         half = numbers((-0.5 * b / unit, 0.5 * b / unit))
         own = ElementTree.Element(
-            "joint", {"name": f"{name}_play", **placed, "range": half, "limited": "true", **NO_DEFAULT}
+            "joint", {"name": f"{name}_play", **placed, "range": half, "limited": "true", **OF_PLAY}
         )
         body.insert([*body].index(joint) + 1, own)
 
@@ -160,15 +172,21 @@ def _add_follower(
     ElementTree.SubElement(equality, "joint", joint1=name, joint2=leader, polycoef=linear)
 
 
-def led_places(model: Model) -> set[str]:
-    """Places of the joints that others follow."""
-    return {f"joint{mimic.leader + 1}" for mimic in model.arm.mimics}
+def static_play(model: Model) -> dict[str, float]:
+    """Play (rad) by place, except of joints that others follow."""
+    led = led_places(model.arm)
+    return {e.place: values[0] for e, values in model.parts() if e.id == "backlash" and e.place not in led}
+
+
+def led_places(arm: Arm) -> set[str]:
+    """Places of the joints that others follow. They get no play: an equality would follow the servo alone."""
+    return {f"joint{mimic.leader + 1}" for mimic in arm.mimics}
 
 
 def play_of_leaders(model: Model) -> tuple[str, ...]:
-    """Play of joints that others follow: an equality would follow the servo alone."""
+    """Play of joints that others follow, which the file lacks."""
     acting = [effect for effect, values in model.parts() if effect.id == "backlash" and values[0] > 0.0]
-    return tuple(f"{e.name} (others follow its servo alone)" for e in acting if e.place in led_places(model))
+    return tuple(f"{e.name} ({LED})" for e in acting if e.place in led_places(model.arm))
 
 
 def _add_mass(element: ElementTree.Element, where: Array, weight: float, com: Sequence[float]) -> None:

@@ -19,7 +19,16 @@ from numpy.typing import ArrayLike
 
 from lrm_ident.data.rigid_motion import inverse, quaternions
 from lrm_ident.data.robot_files.arm_end import choose_tip
-from lrm_ident.data.robot_files.mjcf import SPRINGS, led_places, play_of_leaders, slot_motions, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import (
+    HARDEST,
+    SPRINGS,
+    add_play,
+    angle_unit,
+    play_of_leaders,
+    slot_motions,
+    spring_stiffness,
+    static_play,
+)
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_export import CALIBRATED, ExportedFile, corrected_urdf, left_out, rigid_part
@@ -27,11 +36,8 @@ from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
 
-SPRING_DAMPING, PLAY_DAMPING = 0.1, 0.01
+SPRING_DAMPING = 0.1
 """N·m·s/rad, of the hinges that are added."""
-PLAY_ARMATURE, QUICK_S, HARDEST = 0.01, 0.004, 0.9999
-"""kg·m², s, and MuJoCo's greatest impedance: with them stops give way by less than 0.1 mrad, and dry friction creeps by
-less than a tenth in ten seconds."""
 HELD = (*SPRINGS, "backlash", "hysteresis", "mass", "gravity")
 """Effects that MuJoCo has, beside constant ones, where the file has what they act on."""
 UNCHANGED = 1e-12
@@ -67,14 +73,17 @@ def patched_mjcf(
     if np.abs(gravity - own.spec.option.gravity).max() > UNCHANGED:
         own.spec.option.gravity = gravity
     lost = (*_servos(model, own, path), *weigh(model, own, corrected, path), *left_out(model, HELD))
-    text = _text(own, output, _add_springs(model, own, path))
+    places = static_play(model)
+    turning = zip(model.arm.joint_names, (joint.name for joint in path if joint.commanded), strict=True)
+    play = {name: places.get(place, 0.0) for place, name in turning}
+    text = _text(own, output, _add_springs(model, own, path), play)
     return ExportedFile(text, f"{own.path.name} with the model in it", lost)
 
 
-def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]]) -> str:
+def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]], play: Mapping[str, float]) -> str:
     """Text of the changed file, which finds meshes and textures from the output's folder.
 
-    `ahead`: by joint, other joints of the body that turn it first; MuJoCo's `MjSpec` puts new ones last.
+    `ahead`: by joint, other joints of the body that turn it first; MuJoCo's `MjSpec` puts new ones last. `play`: rad.
     """
     tree = ElementTree.fromstring(own.spec.to_xml())
     for body in tree.iter("body"):
@@ -83,6 +92,8 @@ def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]]) -> s
             for first in ahead[name]:
                 body.remove(joints[first])
                 body.insert(list(body).index(joints[name]), joints[first])
+        for name in joints.keys() & play.keys():
+            add_play(body, name, play[name], angle_unit(tree))
     for compiler in tree.findall("compiler"):
         if output.parent.resolve() != own.path.parent.resolve():
             for folder in ("meshdir", "texturedir"):
@@ -115,7 +126,7 @@ def _placed(T: Array) -> dict[str, Array]:
 
 
 def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator[str]:
-    """Gives the joints their compliance, play and friction; yields what they cannot have."""
+    """Gives the joints their compliance and friction; yields what they cannot have."""
     turning, stiffness = [joint for joint in path if joint.commanded], spring_stiffness(model)
     yield from play_of_leaders(model)
     for number, joint in enumerate(turning):
@@ -126,16 +137,12 @@ def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator
             yield f"compliance@{place} (no position actuator on {joint.name})"
         if slot in stiffness and actuator is not None:
             actuator.gainprm[0], actuator.biasprm[1] = stiffness[slot], -stiffness[slot]
-        h, b = _value(model, "hysteresis", place), _value(model, "backlash", place)
+        h = _value(model, "hysteresis", place)
         if h > 0.0 or (h < 0.0 and actuator is None):
             yield f"hysteresis@{place} ({'it overshoots' if h > 0.0 else f'no position actuator on {joint.name}'})"
         elif h < 0.0 and actuator is not None:
             own.spec.joint(joint.name).frictionloss = -0.5 * h * float(actuator.gainprm[0])
             own.spec.joint(joint.name).solimp_friction[:2] = HARDEST
-        if b > 0.0 and place not in led_places(model):
-            _add_hinge(
-                own, joint.child, f"{joint.name}_play", own.anchor(own.bodies[joint.child])[:3, 3], joint.axis, play=b
-            )
 
 
 def _add_springs(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> dict[str, list[str]]:
@@ -158,22 +165,16 @@ def _add_springs(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> dic
             child = own.bodies[joint.child]
             local = own.anchor(child) @ own.zero(child) @ inverse(stands) @ places[k]
             ahead.setdefault(joint.name, []).append(slot.key)
-        _add_hinge(own, joint.child, slot.key, local[:3, 3], local[:3, slot.axis], stiffness=stiffness)
+        _add_hinge(own, joint.child, slot.key, local[:3, 3], local[:3, slot.axis], stiffness)
     return ahead
 
 
-def _add_hinge(
-    own: MjcfRobot, link: str, name: str, anchor: Array, axis: ArrayLike, stiffness: float = 0.0, play: float = 0.0
-) -> None:
-    """A joint more of a body: a spring (N·m/rad), or play (rad) between two stops."""
+def _add_hinge(own: MjcfRobot, link: str, name: str, anchor: Array, axis: Array, stiffness: float) -> None:
+    """A joint more of a body: a spring (N·m/rad)."""
     body = own.spec_body(link)
     hinge = body.add_joint(name=name, pos=anchor, axis=axis)
-    if play:
-        half = 0.5 * play if not own.spec.compiler.degree else np.degrees(0.5 * play)
-        hinge.range, hinge.limited, hinge.armature = (-half, half), True, PLAY_ARMATURE
-        hinge.solref_limit[0], hinge.solimp_limit[:2] = QUICK_S, HARDEST
     hinge.stiffness = _linear(stiffness, hinge.stiffness)
-    hinge.damping = _linear(PLAY_DAMPING if play else SPRING_DAMPING, hinge.damping)
+    hinge.damping = _linear(SPRING_DAMPING, hinge.damping)
     if own.compiled.body_subtreemass[own.bodies[link]] <= 0.0:
         body.mass, body.inertia, body.explicitinertial = LEAST_MASS, np.full(3, LEAST_INERTIA), True
 

@@ -63,4 +63,4 @@ def load_plan(path: Path, arm: Arm) -> CampaignPlan:
         PlannedPose(int(n), tuple(q.tolist()), float(load), tuple(map(int, sides)), int(of), float(waits))
         for n, q, load, sides, of, waits in zip(*columns, strict=True)
     )
-    return CampaignPlan(tuple(planned), table.cells.sha256, pose_doubts(path, arm, poses))
+    return CampaignPlan(tuple(planned), table.cells.sha256, pose_doubts(table, arm))

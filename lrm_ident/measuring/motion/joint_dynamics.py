@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.mjcf import add_play, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import LED, add_play, angle_unit, led_places, spring_stiffness
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
 from lrm_ident.data.wording import joint_labels
@@ -87,7 +87,8 @@ def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Mo
     else:
         changed = _in_mjcf(root, found)
         held = _play_in_mjcf(root, motion)
-        left_out = tuple(name for name in left_out if name not in held)
+        led = {f"{MotionPlay.id}@{place}" for place in led_places(motion.arm)}
+        left_out = tuple(f"{name} ({LED})" if name in led else name for name in left_out if name not in held)
     missing = tuple(f"dynamics of {name} (no joint of that name)" for name in found if name not in set(changed))
     text = ElementTree.tostring(root, encoding="unicode") + "\n"
     return ExportedFile(text, file.what, (*file.left_out, *left_out, *missing), file.advice)
@@ -135,16 +136,14 @@ def _in_mjcf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> S
 
 
 def _play_in_mjcf(root: ElementTree.Element, motion: MotionModel) -> Sequence[str]:
-    """Adds what joints have in motion, except where the file has play already; names of the effects that it holds."""
-    labels, held = joint_labels(motion.arm), []
-    by_degrees = all(one.get("angle", "degree") == "degree" for one in root.findall("compiler"))
-    unit = float(np.radians(1.0)) if by_degrees else 1.0
+    """Adds what joints have in motion, except where it is there already or others follow; names of what is held."""
+    labels, led, held = joint_labels(motion.arm), led_places(motion.arm), []
     bodies = {joint.get("name", ""): body for body in root.iter("body") for joint in body.findall("joint")}
     for effect in motion.added:
         name = labels[effect.joint]
-        if isinstance(effect, MotionPlay) and name in bodies:
+        if isinstance(effect, MotionPlay) and name in bodies and effect.place not in led:
             if f"{name}_play" not in bodies:
-                add_play(bodies[name], name, motion.values[effect.keys[0]], unit)
+                add_play(bodies[name], name, motion.values[effect.keys[0]], angle_unit(root))
             held.append(effect.name)
     return held
 

@@ -91,13 +91,14 @@ def read_command_log(path: Path, arm: Arm, reading: Reading, topic: str | None =
     if path.suffix == MCAP:
         t, q = joint_track(path, arm, topic)
         return _checked(CommandLog(path, arm, t, q))
-    poses, _ = load_pose_table(path, arm, reading)
-    if poses.t is None:
+    poses, table = load_pose_table(path, arm, reading)
+    stated = table.column("t")
+    if stated is None:
         raise FileError(path, "header", "missing column t_s", "t_s (s) and q1_deg, ... as lrm record writes them")
     beside, count = path.with_suffix(".toml"), None
     if beside.is_file():
         count = read_toml(beside, LogFile).count_us
-    return _checked(CommandLog(path, arm, poses.t, poses.q, 0.0 if count is None else 1e-6 * count))
+    return _checked(CommandLog(path, arm, stated, poses.q, 0.0 if count is None else 1e-6 * count))
 
 
 def _checked(log: CommandLog) -> CommandLog:

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import metadata_of, motion_of, read_positions
-from lrm_ident.data.measurement_file.load import load_pose_table
+from lrm_ident.data.measurement_file.load import load_pose_table, pose_doubts
 from lrm_ident.data.measurement_file.pose_quantity import StatedQuantity
 from lrm_ident.data.measurement_file.write import csv_text, quantity_columns
 from lrm_ident.data.rigid_motion import quaternions
@@ -168,7 +167,7 @@ def _driven(path: Path, arm: Arm, order: RecordingOrder) -> DrivenPoses:
         return DrivenPoses(number, q, np.zeros(len(q)), number)
     how = Reading(angle_unit=order.angle_unit).over(metadata_of(path))
     poses, table = load_pose_table(path, arm, how, more=["repeat_of"])
-    doubts = perhaps_radians(poses.q, how)
+    doubts = pose_doubts(table, arm, how)
     if poses.t is not None and len(poses.t) > 1 and np.median(np.diff(poses.t)) < order.dwell:
         return _resting(path, poses, poses.t, order.dwell, doubts)
     number = table["pose"][:, 0]

@@ -266,7 +266,7 @@ def _labelled(label: str, lines: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def proposal_document(found: LawProposal) -> Document:
-    """Result of `lrm-ident propose`, schema `lrm/proposal/1`."""
+    """Result of `lrm-ident propose`, schema `lrm/proposal/2`."""
     judged = (
         f"{found.tried} formulas were tried at all joints. Held out, the model alone has {in_mm(found.before.rms)} mm; "
         f"with a formula chosen anew in every block (nested) about {in_mm(found.nested)} mm. Against pure noise: "
@@ -289,7 +289,7 @@ def proposal_document(found: LawProposal) -> Document:
         "next_poses_deg": None if found.next_poses is None else np.degrees(found.next_poses).round(1),
     }
     if best is None:
-        return Document([heading(f"No formula is proposed: {no_law_words(found)}."), judged], "lrm/proposal/1", values)
+        return Document([heading(f"No formula is proposed: {no_law_words(found)}."), judged], "lrm/proposal/2", values)
     blocks: list[Block] = [
         heading(f"Proposed: {best.law.formula}"),
         judged,
@@ -302,4 +302,4 @@ def proposal_document(found: LawProposal) -> Document:
         columns = ("pose|", *(f"q{i + 1}|.0f" for i in range(found.next_poses.shape[1])))
         lines = [(number, *row) for number, row in enumerate(np.degrees(found.next_poses).tolist(), start=1)]
         blocks.append(ResultTable(columns, lines, "Poses (deg) at which they differ most"))
-    return Document(blocks, "lrm/proposal/1", values)
+    return Document(blocks, "lrm/proposal/2", values)

@@ -35,12 +35,11 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
     with figure_file(path, 8.5, 1.3 + ROW * rows) as figure:
         axes = figure.subplots()
         for row, one in enumerate(story.steps):
-            colour = COLOURS[one.kind]
-            axes.barh(row, min(one.rms_mm, scale), color=colour, alpha=0.3)
-            axes.barh(row, min(one.before_rms_mm, scale) - min(one.rms_mm, scale), left=one.rms_mm, color=colour)
+            colour, left, before = COLOURS[one.kind], min(one.rms_mm, scale), min(one.before_rms_mm, scale)
+            axes.barh(row, left, color=colour, alpha=0.3)
+            axes.barh(row, before - left, left=left, color=colour)
             cut = " (bar cut short)" if one.rms_mm > scale else ""
-            where = (min(one.before_rms_mm, scale), row)
-            axes.annotate(f"{in_mm(one.rms_mm * MM)}{cut}", where, **BESIDE)
+            axes.annotate(f"{in_mm(one.rms_mm * MM)}{cut}", (before, row), **BESIDE)
         for row, (_, value) in enumerate(story.ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)
             axes.annotate(in_mm(value * MM), (value, row), **BESIDE)

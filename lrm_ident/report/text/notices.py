@@ -29,7 +29,7 @@ def notice_words(notice: Notice) -> str:
         case NoticeKind.OTHER_EFFECTS:
             return f"{names[0]} is not the file that {names[1]} was fitted with (its SHA-256 differs)"
         case NoticeKind.OTHER_PRIOR:
-            return f"the model was fitted with the prior '{names[0]}'; this goes on with that of typical sizes"
+            return prior_words(names[0])
         case NoticeKind.DIMENSIONS_HELD:
             return f"{_held(len(names))} fitted first: what they explain would count for an effect that is added"
         case NoticeKind.DIMENSIONS_KEPT:
@@ -38,6 +38,11 @@ def notice_words(notice: Notice) -> str:
             return "the residual field is left out here: it is no cause; add it again when all causes are in the model"
         case NoticeKind.OUTLIERS:
             return f"outliers, left out: {poses_words(notice.poses)}"
+
+
+def prior_words(name: str) -> str:
+    """Of a model that was fitted with another prior than that of its diagnosis."""
+    return f"the model was fitted with the prior '{name}'; the diagnosis and the next steps have that of typical sizes"
 
 
 def fit_words(loss: str, left_out: Sequence[int]) -> str:

@@ -42,6 +42,10 @@ joints_deg = [
 [-90.0, 90.0],
 ]
 payload_g = [0.0, 0.0]
+[history.course]
+folds = 10
+[history.course.chosen_in_folds]
+"backlash@joint2" = 9
 """
 LAST = """
 [provenance]
@@ -74,6 +78,7 @@ def test_of_the_history_the_errors_of_the_last_step_go_along(tmp_path: Path) -> 
     }
     assert tomllib.loads(sent) == {**tables, "history": [last]}
     assert sent.startswith(MODEL)
+    assert "course" not in sent, "an older daemon has no such key"
     residual = read_toml(path, ModelFile).residual
     assert read_toml(written(tmp_path, sent), ModelFile).residual == residual > 0.0, "verify predicts with it"
 

@@ -136,6 +136,14 @@ def test_an_arm_of_ones_own(folder: Path) -> None:
     stdout_of("compare", folder / "own.toml", EXAMPLE)
 
 
+def test_predict_says_that_times_are_not_used(folder: Path) -> None:
+    """A drift of the model would be left out without a word."""
+    poses = folder / "set_clock.csv"
+    poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,t_s\n1,0,0,0,0,0,0,60\n2,9,0,0,0,0,0,20\n")
+    _, _, said = run_command("predict", folder / "model.toml", poses, "-o", folder / "p.csv")
+    assert "t_s runs backwards at pose 2, so no times are used" in " ".join(said.split())
+
+
 @pytest.mark.parametrize("command", ["", "fit", "compare", "predict"])
 def test_help_teaches(command: str) -> None:
     said = stdout_of(*([command] if command else []), "--help")

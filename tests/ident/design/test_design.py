@@ -280,7 +280,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     assert len(load_poses(poses, lab)) == 35
     assert len(read_csv(figure.with_suffix(".csv"), ["what", "unit", "with_these"]).rows) == 28 + 2
     told = json.loads((tmp_path / "d.json").read_text())
-    assert told["schema"] == "lrm/design/1"
+    assert told["schema"] == "lrm/design/2"
     assert [rival["effect"] for rival in told["with_these"]["separate"]] == list(RIVALS)
     assert [set(one) for one in told["limitations"]] == [{"kind", "joints", "numbers", "sentence"}]
     (tmp_path / "m.toml").write_text('schema = "lrm/model/1"\narm = "lrm-lab"\neffects = ["offsets", "compliance"]\n')

@@ -12,13 +12,17 @@ import pytest
 import tomli_w
 
 from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.data.robot_files.urdf import parse_urdf
+from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
 from lrm_ident.measuring.motion.joint_dynamics import joint_dynamics, with_dynamics
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.mimic_robots import palletiser
 from tests.support.motion_models import motion_text
 
 ARM = load_arm("so101")
@@ -97,6 +101,17 @@ def test_play_in_motion_is_a_joint_with_a_range_whatever_is_known_of_stiffness()
     assert np.degrees(0.025) == pytest.approx(mujoco_range(own), rel=1e-5)
     text = '<robot name="a"><joint name="elbow_flex" type="revolute"/></robot>'
     assert "motion_play@joint3" in with_dynamics(ExportedFile(text, "URDF", ()), Path("a.urdf"), model, poses).left_out
+
+
+def test_play_of_a_joint_that_others_follow_is_left_out_and_not_written() -> None:
+    arm = import_arm(parse_urdf(Path("palletiser.urdf"), palletiser())).arm
+    model, play = MotionModel.nominal(arm), effect_of(arm, "motion_play@joint2")
+    model = model.with_joint((*model.of_joint(1), play), {**model.values, play.keys[0]: 0.05}, {})
+    poses = model_of(arm, effects_at(arm, "backlash@joint2"), {"backlash.joint2.b_rad": 0.03})
+    file = with_dynamics(mjcf(poses), Path("arm.xml"), model, poses)
+    reason = "(others follow its servo alone)"
+    assert {f"backlash@joint2 {reason}", f"motion_play@joint2 {reason}"} <= {*file.left_out}
+    assert "rear_play" not in file.text
 
 
 def mujoco_range(text: str) -> float:

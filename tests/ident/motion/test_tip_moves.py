@@ -236,6 +236,10 @@ def write(writer: Any, channel: int, t: float, content: dict[str, Any]) -> None:
     [
         ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,0,0\n", "t_s"),
         ("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,0,0,0\n9,0,0,0,0,0,0\n", "without a row"),
+        (
+            "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n5,0,0,0,0,0,0\n5.02,0,0,0,0,0,0\n0.04,0,0,0,0,0,0\n",
+            "row 3: its time is not after that of the row before",
+        ),
     ],
 )
 def test_a_log_that_cannot_serve_is_refused_in_one_line(tmp_path: Path, rows: str, match: str) -> None:

@@ -18,6 +18,7 @@ from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude, valid_where
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
+from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.text.advice import NEXT_STEP, next_step
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
 from lrm_ident.study.study import Study
@@ -43,6 +44,17 @@ def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: Diagno
     assert facts["estimate"].endswith("of backlash, end to end")
     assert "as deployed" not in facts, "the arm gets the same error"
     assert not found.reasons
+
+
+def test_a_page_says_that_its_diagnosis_has_another_prior(
+    example_study: Study, example_diagnosis: DiagnosisReport
+) -> None:
+    """Its parameters and comparison are of the file's own fit, its diagnosis is not."""
+    page = with_diagnosis(quick_report(example_study), example_diagnosis)
+    assert "prior" not in dict(page.facts)
+    assert page.file.provenance is not None
+    stated = page.file.model_copy(update={"provenance": page.file.provenance.model_copy(update={"prior": "printed"})})
+    assert "fitted with the prior 'printed'; the diagnosis" in dict(replace(page, file=stated).facts)["prior"]
 
 
 def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -> None:

@@ -118,6 +118,16 @@ def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp
     assert "identified cause" in labels[3]
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("deployed", [12.0, 92.0])
+def test_every_bar_of_the_waterfall_ends_inside_it(deployed: float) -> None:
+    """An arm that errs more as deployed than its steps did, and a nominal arm that errs far more."""
+    pytest.importorskip("matplotlib")
+    last = step("add backlash@joint2", 2.2, 2.5, deployed_rms_mm=deployed)
+    (axes,) = draw_story(told(file_of(step("fit", 6.1, 6.5, nominal_rms_mm=420.0), last))).axes
+    assert max(bar.get_x() + bar.get_width() for bar in axes.patches) < axes.get_xlim()[1]
+
+
 @pytest.mark.parametrize("misspecified", [(), ("servo_gain@joint1",)])
 def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...]) -> None:
     steps = [None, SimpleNamespace(added="servo_gain@joint1", evidence=Evidence())]

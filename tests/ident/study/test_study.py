@@ -320,4 +320,8 @@ def test_a_run_begins_with_the_default_fit_as_it_is() -> None:
     study, chosen = Study.of(data).fit(), Study.of(data).fit("compliance.*")
     assert study.with_dimensions() is study
     assert chosen.identifiable() is chosen
+    stated = Study.of(data).fit(prior="printed")
+    again = stated.identifiable()
+    assert again.model.free == stated.model.free
+    assert again.identifiable() is again
     assert chosen.with_dimensions().with_dimensions().model.free == chosen.with_dimensions().model.free

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -52,3 +53,17 @@ def test_play_is_a_joint_with_a_range() -> None:
     gain = model_of(arm, effects_at(arm, "servo_gain@joint1"), {"servo_gain.joint1.g_plus_rad_per_rad": 0.02})
     assert mjcf(gain).left_out == ("servo_gain@joint1",)
     assert mjcf(gain.with_values(np.zeros(len(gain.keys)))).left_out == (), "what does nothing is not missed"
+
+
+def test_play_at_rest_stands_at_its_end_without_its_stops_giving_way() -> None:
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    arm = load_arm("so101")
+    effects = [effect for name in ("compliance", "backlash@joint2") for effect in effects_at(arm, name)]
+    sizes = {effect.keys[0]: 0.01 for effect in effects if effect.id == "compliance"}
+    model = model_of(arm, effects, {**sizes, "backlash.joint2.b_rad": 0.02})
+    q = np.array([0.2, 0.3, -0.4, 0.2, 0.1])
+    peer = mujoco.MjModel.from_xml_string(mjcf(model).text)
+    data = mujoco.MjData(peer)
+    data.ctrl[:] = q
+    mujoco.mj_step(peer, data, 4000)
+    np.testing.assert_allclose(data.site("tcp").xpos, solve_equilibrium(model, poses_of(q)).tcp[0], atol=5e-5)
