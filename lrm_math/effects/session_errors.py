@@ -192,14 +192,20 @@ class DriftCurve(_SessionError, LinearEffect):
         return tuple(tuple(names[first : first + count]) for first in range(0, len(names), count))
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
-        """The B-splines of both times; those of a time that is not known, or the same as the other, are zero."""
+        """The B-splines of both times; those of a time that is not known, or the same as the other, are zero.
+
+        Of the scale of all lengths they are less their values at the start, as the law is zero there: a constant part
+        would be the scale of the whole session, which no pose distinguishes from longer links.
+        """
         last = log1p(LONGEST_S / FAST_S)
+        start = cubic_b_splines(0.0, 0.0, last, SPACING) if self.place == FRAME_PLACE else (0.0,) * _COUNT
         found: Amounts = ()
         for time in (poses.running, poses.t):
             if time is None or (time is poses.t and poses.session is None and poses.running is not None):
                 found += (0.0,) * _COUNT
             else:
-                found += cubic_b_splines(np.log1p(np.maximum(time, 0.0) / FAST_S), 0.0, last, SPACING)
+                splines = cubic_b_splines(np.log1p(np.maximum(time, 0.0) / FAST_S), 0.0, last, SPACING)
+                found += tuple(spline - begin for spline, begin in zip(splines, start, strict=True))
         return separately([found] * len(self.targets))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:

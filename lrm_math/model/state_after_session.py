@@ -107,13 +107,19 @@ def _remembered(settled: Equilibrium, bound: BoundEffect) -> tuple[tuple[float, 
 
 
 def _rigid_motion(settled: Equilibrium, deployed: Model) -> dict[str, float]:
-    """The six offsets of the base (rad, m) that move a deployed arm's points most like a tracker's distortion does."""
+    """The six offsets of the base (rad, m) that move a deployed arm's points most like a tracker's distortion does.
+
+    Of a law its end counts, as of an arm's: a rover is driven in the frame that the tracker shows last.
+    """
     keys = Offsets(deployed.arm, BASE).keys
     now = solve_equilibrium(deployed, settled.poses, tolerance=CLOSE)
     true, seen = list(settled.true_tcp.T), np.zeros_like(settled.true_tcp)
     for bound in settled.model.binding.distorting:
         if of_a_session(bound.effect):
-            for column, amount in zip(seen.T, distortion(bound, bound.at(settled.poses), true), strict=True):
+            amounts = bound.at(settled.poses)
+            if usually_carried(bound.effect) == "last":
+                amounts = tuple(np.broadcast_to(amount, len(seen))[-1] for amount in amounts)
+            for column, amount in zip(seen.T, distortion(bound, amounts, true), strict=True):
                 column += amount
     seen = seen.reshape(-1)
     shift, *_ = np.linalg.lstsq(parameter_jacobian(now, keys).reshape(-1, len(keys)), seen, rcond=NO_RANK)

@@ -55,7 +55,7 @@ def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, k
 @pytest.mark.parametrize(
     "name",
     ["bending_ends@link2", "torque_curve@joint3", "angle_curve@joint2",
-     "coupling_curve@joint3<-joint2", "drift_curve@joint2", "drift_curve@base", "base_curve@base",
+     "coupling_curve@joint3<-joint2", "drift_curve@joint2", "drift_curve@base", "drift_curve@frame", "base_curve@base",
      "bearing_curve@link2", "friction_curve@joint3", "cable_curve@joint2+joint3"],
 )  # fmt: skip
 def test_derivatives_of_forms(lab: Arm, name: str) -> None:

@@ -89,6 +89,28 @@ def test_the_rigid_motion_of_a_distorted_tracker_goes_to_the_base(seed: int, str
     assert np.abs(left.mean(axis=0)).max() <= 0.01 * np.abs(before).max()
 
 
+@given(st.integers(0, 2**31), st.floats(1e-4, 5e-3) | st.floats(-5e-3, -1e-4))
+@examples(5, 10)
+def test_of_lengths_that_grow_the_base_takes_the_end(seed: int, growth: float) -> None:
+    """A rover is driven in the frame that the tracker shows last, not in that of the middle of its session."""
+    model, poses = model_with({"drift.frame.A_mm_per_m": growth}), session_poses(LAB, seed)
+    deployed = solve_equilibrium(as_deployed(fitted(model, poses)), poses).tcp
+    now = replace(poses.take([COUNT - 1] * COUNT), q=poses.q, payload=poses.payload)
+    last = solve_equilibrium(model, now)
+    moved = np.abs((last.tcp - last.true_tcp).mean(axis=0)).max()
+    assert np.abs((last.tcp - deployed).mean(axis=0)).max() <= 0.02 * moved
+
+
+def test_a_curve_of_all_lengths_is_zero_at_the_start() -> None:
+    """Equal coefficients, a scale of the whole session, move nothing: they would be longer links."""
+    keys = effects_at(LAB, "drift_curve@frame")[0].keys
+    settled = solve_equilibrium(model_with(dict.fromkeys(keys, 1e-3)), session_poses(LAB, 1))
+    np.testing.assert_allclose(settled.tcp, settled.true_tcp, atol=1e-12)
+    settled = solve_equilibrium(model_with({keys[3]: 1e-3}), session_poses(LAB, 1))
+    assert np.abs(settled.tcp - settled.true_tcp).max() > 1e-5
+    np.testing.assert_allclose(settled.tcp[0], settled.true_tcp[0], atol=1e-12)
+
+
 def test_a_model_without_session_effects_is_deployed_as_it_is() -> None:
     """Nothing is left out, nothing is added."""
     model = model_with({})
