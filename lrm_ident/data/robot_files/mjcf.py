@@ -126,6 +126,8 @@ def _add_servo(
     ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=numbers(limits))
 
 
+HARDEST = 0.9999
+"""MuJoCo's greatest impedance: dry friction creeps by less than a tenth in ten seconds, by default (0.9) within one."""
 NO_DEFAULT = {"type": "hinge", "damping": "0.01", "armature": "0", "frictionloss": "0", "stiffness": "0"}
 """Of play: what a robot's own file may have other defaults for."""
 

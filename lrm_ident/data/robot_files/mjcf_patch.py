@@ -19,7 +19,14 @@ from numpy.typing import ArrayLike
 
 from lrm_ident.data.rigid_motion import inverse, quaternions
 from lrm_ident.data.robot_files.arm_end import choose_tip
-from lrm_ident.data.robot_files.mjcf import SPRINGS, led_places, play_of_leaders, slot_motions, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import (
+    HARDEST,
+    SPRINGS,
+    led_places,
+    play_of_leaders,
+    slot_motions,
+    spring_stiffness,
+)
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_export import CALIBRATED, ExportedFile, corrected_urdf, left_out, rigid_part
@@ -29,9 +36,8 @@ from lrm_math.model.model import Model
 
 SPRING_DAMPING, PLAY_DAMPING = 0.1, 0.01
 """N·m·s/rad, of the hinges that are added."""
-PLAY_ARMATURE, QUICK_S, HARDEST = 0.01, 0.004, 0.9999
-"""kg·m², s, and MuJoCo's greatest impedance: with them stops give way by less than 0.1 mrad, and dry friction creeps by
-less than a tenth in ten seconds."""
+PLAY_ARMATURE, QUICK_S = 0.01, 0.004
+"""kg·m², s: with them and `HARDEST` stops give way by less than 0.1 mrad."""
 HELD = (*SPRINGS, "backlash", "hysteresis", "mass", "gravity")
 """Effects that MuJoCo has, beside constant ones, where the file has what they act on."""
 UNCHANGED = 1e-12
