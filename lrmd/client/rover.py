@@ -53,7 +53,8 @@ from lrmd.messages.skills import SenseCommand, SkillName, SkillRequest, SkillSta
 from lrmd.messages.surroundings import ContactEntry, ObstacleEntry
 from lrmd.messages.zenoh_session import key
 
-RELOAD_S = 10.0
+RELOAD_S, PREDICTED_S = 10.0, 3.0
+"""s more for the reply to a new model, and to a move, whose swing the daemon predicts while it answers."""
 LOOK_S = 0.05
 """s between two looks at the skill under way."""
 THERE = 1e-4
@@ -146,7 +147,7 @@ class Rover(RoverSession):
                 speed=speed, payload_kg=payload_kg, may_touch=list(may_touch), shaping=shaping,
             )  # fmt: skip
         with self._held_if_unknown():
-            reply = self._query(Reply, "rpc/move", request)
+            reply = self._query(Reply, "rpc/move", request, self._timeout + PREDICTED_S)
             seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
             self.settle_s, self.settle_95_s = reply.settle_s, reply.settle_95_s
             if wait:

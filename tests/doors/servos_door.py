@@ -90,7 +90,7 @@ class CalibratedRobotDoor(ServosDoor):
     def __init__(self, servos: Sequence[FeetechServo], model: Path) -> None:
         super().__init__(servos, FeetechBus(servos))
         self.follower = SimulatedFollower(NAMES, servos)
-        config = SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False)
+        config = SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
         self.robot = calibrated_robot_class()(config, self.follower)
 
     def torque_on(self) -> None:

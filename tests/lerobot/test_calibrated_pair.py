@@ -38,6 +38,7 @@ def pair_of(folder: Path, left: str, right: str, **options: Any) -> Any:
         arm.bus.model_ctrl_table["sts3215"]["P_Coefficient"] = (21, 1)
         arm.bus.read = Mock(return_value=16)  # type: ignore[attr-defined]
     given = {"left_payload_g": 0.0, "right_payload_g": 0.0, "base": "each", "keep": "base,tool"}
+    given |= {"left_motion": "", "right_motion": ""}
     models = {f"{side}model": str(folder / f"{side}.toml".replace("_", "")) for side in SIDES}
     config = SimpleNamespace(**{**given, "accept_settings": False, **models, **options})
     return plug_in("calibrated_pair").CalibratedPair(config, SimulatedPair(*arms))
@@ -55,7 +56,7 @@ def test_each_arm_goes_as_its_own_calibrated_robot_would(tmp_path: Path) -> None
     for side, wish, arm in zip(SIDES, WISHES, (pair.robot.left_arm, pair.robot.right_arm), strict=True):
         alone = SimulatedFollower(NAMES, [FeetechServo(number) for number in range(1, 6)])
         model = str(tmp_path / f"{side.removesuffix('_')}.toml")
-        config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False)
+        config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
         robot = calibrated_robot_class()(config, alone)
         robot.connect()
         own = robot.send_action(action_of("", wish))

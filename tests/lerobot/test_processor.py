@@ -19,6 +19,8 @@ from lrm_math.kinematics.motion import Motion
 from tests.doors.lerobot_classes import calibrated_robot_class, plug_in
 from tests.doors.servos_door import MODEL, NAMES
 from tests.doors.simulated_follower import SimulatedFollower
+from tests.lerobot.test_in_motion import RUBBING
+from tests.support.motion_models import write_motion_model
 from tests.support.sweep import examples
 
 MEASURED_WITH = """
@@ -41,6 +43,11 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(write_motion_model(RUBBING, tmp_path_factory.mktemp("motion") / "motion.toml"))
+
+
 def follower() -> SimulatedFollower:
     robot = SimulatedFollower(NAMES, [FeetechServo(number) for number in range(1, 6)])
     robot.connect()
@@ -52,15 +59,22 @@ def action_of(degrees: Any, prefix: str = "") -> dict[str, float]:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("in_motion", [False, True])
 @examples(12, 25)
 @given(wishes=WISHES)
-def test_it_sends_and_observes_what_the_calibrated_robot_does(model: str, wishes: list[list[float]]) -> None:
-    config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False)
+def test_it_sends_and_observes_what_the_calibrated_robot_does(
+    model: str, motion: str, in_motion: bool, wishes: list[list[float]]
+) -> None:
+    deployed = motion if in_motion else ""
+    config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False, motion=deployed)
     beside, wrapped = follower(), follower()
     robot = calibrated_robot_class()(config, wrapped)
     robot.connect()
-    action, observation = plug_in("pipelines").calibrated_processors(beside, model)
+    action, observation = plug_in("pipelines").calibrated_processors(beside, model, motion=deployed)
     action.reset()
+    if in_motion:
+        for one in (action.steps[0], robot):
+            one.announce([action_of(wish) for wish in wishes], 30.0)
     for wish in wishes:
         beside.send_action(action((action_of(wish), beside.get_observation())))
         robot.send_action(action_of(wish))
@@ -142,7 +156,7 @@ def test_the_first_action_needs_an_observation(model: str) -> None:
 
 def test_a_robot_that_corrects_already_or_is_set_otherwise_is_refused(model: str, tmp_path: Path) -> None:
     make = plug_in("pipelines").calibrated_processors
-    config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False)
+    config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
     with pytest.raises(LrmError, match="corrects its commands already"):
         make(calibrated_robot_class()(config, follower()), model)
     away = follower()

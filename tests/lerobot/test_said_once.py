@@ -31,7 +31,7 @@ def test_where_accuracy_is_given_up_it_is_said_once(tmp_path: Path, caplog: pyte
     (model := tmp_path / "model.toml").write_text(TWISTED)
     follower = SimulatedFollower(NAMES, [FeetechServo(number) for number in range(1, 6)])
     robot = calibrated_robot_class()(
-        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False), follower
+        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion=""), follower
     )
     robot.connect()
     start = near_its_axis(robot.correction, np.array([0.2, 0.0, 0.6, 0.3, 0.0]))

@@ -48,7 +48,7 @@ def test_small_steps_of_a_wish_past_the_first_axis_are_small_steps_of_the_goals(
     (model := tmp_path / "model.toml").write_text(MODEL)
     servos = [FeetechServo(number) for number in range(1, 6)]
     robot = calibrated_robot_class()(
-        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False),
+        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion=""),
         SimulatedFollower(NAMES, servos),
     )
     robot.connect()

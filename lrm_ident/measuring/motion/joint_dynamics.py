@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.mjcf import LED, add_play, angle_unit, led_places, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import HARDEST, LED, add_play, angle_unit, led_places, spring_stiffness
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
 from lrm_ident.data.wording import joint_labels
@@ -131,6 +131,8 @@ def _in_mjcf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> S
         joint.set("damping", numbers([damping]))
         joint.set("armature", numbers([one.armature]))
         joint.set("frictionloss", numbers([one.friction]))
+        if one.friction > 0.0:
+            joint.set("solimpfriction", numbers([HARDEST, HARDEST]))
         changed.append(joint.get("name", ""))
     return changed
 

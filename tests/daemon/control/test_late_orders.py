@@ -137,6 +137,13 @@ def test_where_a_reply_is_lost_the_arm_holds(losing: LosingDaemon, rover: Rover,
     assert losing.sim.ramp.position == there
 
 
+def test_the_reply_to_a_move_is_waited_for_while_its_swing_is_predicted(losing: LosingDaemon, rover: Rover) -> None:
+    """On a busy computer that takes seconds; a client that gave up would hold the arm, and no move would end."""
+    losing.lost, losing.late = "rpc/move", 4.0
+    assert rover.move(NEAR) > 0.0
+    assert losing.sim.core.mode is Mode.ARMED
+
+
 @pytest.mark.parametrize("tail", ["rpc/move", "rpc/skill", "rpc/arm"])
 def test_an_order_that_comes_after_its_sender_gave_up_is_refused(losing: LosingDaemon, rover: Rover, tail: str) -> None:
     losing.lost, losing.delays = tail, True

@@ -85,14 +85,14 @@ def follower(names: tuple[str, ...] = NAMES) -> SimulatedFollower:
 
 
 def robot_of(model: Path, robot: Any = None) -> Any:
-    config = SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False)
+    config = SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
     return calibrated_robot_class()(config, robot or follower())
 
 
 def pair_of(model: Path) -> Any:
     config = SimpleNamespace(
         left_model=str(model), right_model=str(model), left_payload_g=0.0, right_payload_g=0.0, base="each",
-        keep="base,tool", accept_settings=False,
+        keep="base,tool", accept_settings=False, left_motion="", right_motion="",
     )  # fmt: skip
     return plug_in("calibrated_pair").CalibratedPair(config, SimulatedPair(follower(), follower()))
 

@@ -160,7 +160,7 @@ class BoardProcess(ProcessGroup):
         command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(setup.link), "--log", str(setup.log)]
         super().__init__([*command, *options], subprocess.DEVNULL)
         self.setup = setup
-        wait_for(lambda: setup.link.exists() or self.process.poll() is not None, "the board comes up")
+        wait_for(lambda: setup.link.exists() or self.process.poll() is not None, "the board comes up", START_TIMEOUT)
         assert self.process.poll() is None, "the simulated board ended"
 
     def ask(self, query: str) -> QueryReply:

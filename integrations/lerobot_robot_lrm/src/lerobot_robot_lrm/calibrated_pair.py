@@ -32,7 +32,8 @@ class CalibratedPair(WrappedRobot):
         keep = places_of(config.keep)
         models = {side: str(getattr(config, f"{side}_model")) for side in SIDES}
         payloads = {side: 1e-3 * getattr(config, f"{side}_payload_g") for side in SIDES}
-        found = {side: Correction.of_file(models[side], payloads[side], keep) for side in SIDES}
+        motions = {side: getattr(config, f"{side}_motion") for side in SIDES}
+        found = {side: Correction.of_file(models[side], payloads[side], keep, motions[side]) for side in SIDES}
         if config.base != EACH:
             (other,) = {*SIDES} - {config.base}
             found[other] = found[other].on_the_base_of(found[config.base])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lerobot.robots.robot import Robot
@@ -26,7 +26,9 @@ class CalibratedRobot(WrappedRobot):
 
     def __init__(self, config: Any, robot: Robot, correction: Correction | None = None) -> None:
         super().__init__(config, robot)
-        found = correction or Correction.of_file(config.model, 1e-3 * config.payload_g, places_of(config.keep))
+        found = correction or Correction.of_file(
+            config.model, 1e-3 * config.payload_g, places_of(config.keep), config.motion
+        )
         self.arm = CorrectedArm(config.model, found)
         self.arm.check_names(robot.action_features, robot.name)
         drop_late_replies(robot)
@@ -56,6 +58,10 @@ class CalibratedRobot(WrappedRobot):
         """Calibrates the wrapped robot's motors."""
         self.robot.calibrate()
         self._begin()
+
+    def announce(self, actions: Sequence[Mapping[str, Any]], fps: float) -> None:
+        """Takes down the next actions, `fps` a second, along which the joints are led, see `CorrectedArm.announce`."""
+        self.arm.announce(actions, fps)
 
     def get_observation(self) -> dict[str, Any]:
         """The wrapped robot's, its joints where the model says that they really are."""

@@ -16,15 +16,18 @@ import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
 from lerobot_robot_lrm.least_deviation import FARTHEST
+from lerobot_robot_lrm.servo_motion import ServoMotion
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, constant
+from lrm_math.effects.backlash import Hysteresis
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import deployed_part, of_a_session
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrm_math.motion.motion_model import MotionModel, load_motion
 
 REVERSAL = 2.0 * np.pi / 4096.0
 """rad, one step of a servo's encoder: joints whose error depends on their direction are not turned back by less."""
@@ -55,6 +58,8 @@ class Correction:
         left_out: names of the model's effects that are not corrected.
         keep: places whose constant errors are none of the arm, see `of`.
         moved: (4, 4), m, by which the goals are moved in the frame of the measurement, see `on_the_base_of`.
+        seen: names of effects that the encoders show: what `model` has from the model of motion.
+        delay: (n,), s, by which the joints follow a command late; None: no model of motion is deployed.
     """
 
     model: Model
@@ -62,11 +67,16 @@ class Correction:
     left_out: tuple[str, ...] = ()
     keep: tuple[str, ...] = (BASE, TOOL)
     moved: Array = field(default_factory=lambda: np.eye(4))
+    seen: tuple[str, ...] = ()
+    delay: Array | None = None
 
     @classmethod
-    def of_file(cls, path: str | Path, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
-        """The correction by a model file, see `of`. Raises `LrmError`."""
-        return cls.of(load_model(path), payload, keep)
+    def of_file(
+        cls, path: str | Path, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL), motion: str | Path = ""
+    ) -> Correction:
+        """The correction by a model file, and the file of a model of motion, if any; see `of`. Raises `LrmError`."""
+        found = cls.of(load_model(path), payload, keep)
+        return found.in_motion(load_motion(Path(motion))[1]) if motion else found
 
     @classmethod
     def of(cls, fitted: Model, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
@@ -90,6 +100,25 @@ class Correction:
         names = {effect.name for effect in deployed.effects}
         left_out = tuple(effect.name for effect in fitted.effects if effect.name not in names)
         return cls(_restricted(deployed, kept), payload, left_out, tuple(keep))
+
+    def in_motion(self, motion: MotionModel) -> Correction:
+        """The correction whose joints also stand where their servos stop short, and whose delay is known.
+
+        Friction and play of the model of motion count where this model has no error that depends on the direction:
+        such an error holds them already. Raises `LrmError`: a model of another arm.
+        """
+        if motion.arm != self.model.arm:
+            raise LrmError(f"the model of motion is one of {motion.arm.name}; should be one of {self.model.arm.name}")
+        servo = ServoMotion.of(motion)
+        short = {
+            Hysteresis(self.model.arm, place): -2.0 * float(by)
+            for place, by, directed in zip(self.model.arm.joint_names, servo.short, self.slack > 0.0, strict=True)
+            if by > 0.0 and not directed
+        }
+        known = {key: self.model.value(key) for effect in self.model.effects for key in effect.keys}
+        known |= {effect.keys[0]: h for effect, h in short.items()}
+        model = model_of(self.model.arm, [*self.model.effects, *short], known)
+        return replace(self, model=model, seen=tuple(effect.name for effect in short), delay=servo.delay)
 
     def on_the_base_of(self, other: Correction) -> Correction:
         """The correction whose arm as drawn stands beside another one as the arm files of both have it.
@@ -121,6 +150,14 @@ class Correction:
     def arm(self) -> KernelArmModel:
         """The real arm."""
         return KernelArmModel.of(self.model, self.payload)
+
+    @cached_property
+    def behind_encoders(self) -> KernelArmModel:
+        """The real arm beyond its encoders."""
+        if not self.seen:
+            return self.arm
+        hidden = [effect for effect in self.model.effects if effect.name not in self.seen]
+        return KernelArmModel.of(_restricted(self.model, hidden), self.payload)
 
     @cached_property
     def drawn(self) -> KernelArmModel:
@@ -173,12 +210,22 @@ class Correction:
     def true_angles(self, encoders: Array, motion: Motion) -> Array:
         """(n,), angles of the arm as drawn (rad) whose tool is where the real one is, from what encoders read (n,).
 
-        The inverse of `command` for encoders that read the command. Raises `NoEquilibrium`.
+        Raises `NoEquilibrium`.
         """
-        slots = self.arm.settled(encoders, motion)
-        goal = np.linalg.solve(self.moved, self.arm.kernel.forward(slots[None])[0][0])
+        return self._true_angles(self.behind_encoders, encoders, motion)
+
+    def reached(self, command: Array, motion: Motion) -> Array:
+        """(n,), true angles (rad) to which commands (n,) bring the joints: the inverse of `command`.
+
+        Raises `NoEquilibrium`.
+        """
+        return self._true_angles(self.arm, command, motion)
+
+    def _true_angles(self, arm: KernelArmModel, encoders: Array, motion: Motion) -> Array:
+        slots = arm.settled(encoders, motion)
+        goal = np.linalg.solve(self.moved, arm.kernel.forward(slots[None])[0][0])
         zero = self.drawn.slots_at(np.zeros_like(encoders))[self.drawn.joints]
-        return self.drawn.joints_near(slots[self.arm.joints], goal) - zero
+        return self.drawn.joints_near(slots[arm.joints], goal) - zero
 
     def _drawn_at(self, wish: Array) -> tuple[Array, Array]:
         """Slot amounts (n,), rad, of the drawn arm's joints at wished angles (n,), and its tool's frame (4, 4), m."""

@@ -22,7 +22,12 @@ from lrm_math.errors import LrmError
 
 
 def calibrated_processors(
-    robot: Any, model: str, payload_g: float = 0.0, keep: str = "base,tool", accept_settings: bool = False
+    robot: Any,
+    model: str,
+    payload_g: float = 0.0,
+    keep: str = "base,tool",
+    accept_settings: bool = False,
+    motion: str = "",
 ) -> tuple[Any, Any]:
     """`robot_action_processor` and `robot_observation_processor` of a connected robot, as `record_loop` takes them.
 
@@ -35,14 +40,14 @@ def calibrated_processors(
     if not robot.is_connected:
         raise LrmError(f"{robot.name} is not connected; its units and its servos' settings are read from it")
     drop_late_replies(robot)
-    action = CalibratedAction(model, payload_g, keep)
+    action = CalibratedAction(model, payload_g, keep, motion=motion)
     action.arm.check_names(robot.action_features, robot.name)
     if not accept_settings:
         require_servos_of(model, robot, action.arm.correction.names, "accept_settings=True")
     halves = np.degrees(100.0 * radians_per_unit(robot, action.arm.correction.names))
     names = action.arm.correction.names
     ranges = {name: float(half) for name, half in zip(names, halves, strict=True) if abs(half - 100.0) > 1e-9}
-    options = (model, payload_g, keep, "", ranges)
+    options = (model, payload_g, keep, "", ranges, motion)
     before = RobotProcessorPipeline(
         steps=[CalibratedAction(*options)],
         to_transition=robot_action_observation_to_transition,

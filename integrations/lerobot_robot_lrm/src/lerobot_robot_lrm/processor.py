@@ -7,7 +7,7 @@ observation knows from which side each joint came.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,7 @@ class CalibratedStep:
         model: the model file. payload_g: what the tool carries. keep: places whose offsets are no error of the arm.
         prefix: what stands before the joints' names, `left_` of two arms.
         half_range_deg: of joints that are commanded −100 … 100, the angle (deg) that 100 is; all others are in degrees.
+        motion: file of a model of motion; "": none.
     """
 
     model: str
@@ -42,6 +43,7 @@ class CalibratedStep:
     keep: str = "base,tool"
     prefix: str = ""
     half_range_deg: dict[str, float] = field(default_factory=dict)
+    motion: str = ""
 
     def __post_init__(self) -> None:
         self.arm = _arm_of(self)
@@ -71,6 +73,10 @@ class CalibratedAction(CalibratedStep, RobotActionProcessorStep):
         self.arm.follow(corrected, corrected.action)
         return corrected.action
 
+    def announce(self, actions: Sequence[Mapping[str, Any]], fps: float) -> None:
+        """Takes down the next actions, `fps` a second, along which the joints are led, see `CorrectedArm.announce`."""
+        self.arm.announce(actions, fps)
+
     def reset(self) -> None:
         """Forgets the motion so far: the next action begins a new one where the arm is seen."""
         self.arm.forget()
@@ -97,7 +103,7 @@ def _arm_of(step: CalibratedStep) -> CorrectedArm:
     name = repr({**asdict(step), "model": str(Path(step.model).resolve())})
     arm = _arms.get(name)
     if arm is None:
-        correction = Correction.of_file(step.model, 1e-3 * step.payload_g, places_of(step.keep))
+        correction = Correction.of_file(step.model, 1e-3 * step.payload_g, places_of(step.keep), step.motion)
         arm = CorrectedArm(step.model, correction, step.prefix)
         arm.scale = np.radians([_degrees_per_unit(step, name.removesuffix(SUFFIX)) for name in arm.keys])
         if unknown := sorted(step.half_range_deg.keys() - {*correction.names}):

@@ -17,9 +17,10 @@ from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
 
 CALIBRATED = "_calibrated"
 COMMON = (("accept_settings", bool, False), ("keep", str, "base,tool"))
-ONE = (("model", str), ("payload_g", float, 0.0), *COMMON)
+ONE = (("model", str), ("motion", str, ""), ("payload_g", float, 0.0), *COMMON)
 TWO = (
-    ("left_model", str), ("right_model", str), ("left_payload_g", float, 0.0), ("right_payload_g", float, 0.0),
+    ("left_model", str), ("right_model", str), ("left_motion", str, ""), ("right_motion", str, ""),
+    ("left_payload_g", float, 0.0), ("right_payload_g", float, 0.0),
     ("base", str, "each"), *COMMON,
 )  # fmt: skip
 """Options of a calibrated form beside those of the robot: name, type and, if it has one, what it is if not given."""
