@@ -57,12 +57,12 @@ class Advice:
 
     @property
     def alike(self) -> tuple[CausePair, ...]:
-        """Pairs that no plan tells apart, the worst first."""
-        return tuple(sorted((pair for pair in self.pairs if not pair.told), key=lambda pair: pair.lead))
+        """Pairs that no plan tells apart, exact formulas or not, the worst first."""
+        return tuple(sorted((pair for pair in self.pairs if not pair.told_if_exact), key=lambda pair: pair.lead))
 
     @property
     def works(self) -> bool:
-        """Whether the plan tells all of them apart."""
+        """Whether the plan tells all of them apart; if their formulas are exact."""
         return self.plan is not None and not self.alike
 
     @property
@@ -131,7 +131,7 @@ def next_poses(
 
 
 def _least(pairs: Sequence[CausePair]) -> tuple[int, float]:
-    return -sum(not pair.told for pair in pairs), min((pair.lead for pair in pairs), default=0.0)
+    return -sum(not pair.told_if_exact for pair in pairs), min((pair.lead for pair in pairs), default=0.0)
 
 
 def _recipes(measured: Poses | None, most: int) -> Iterator[tuple[int, tuple[float, ...]]]:

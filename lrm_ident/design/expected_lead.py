@@ -68,6 +68,9 @@ class CausePair:
         cause with a memory of unknown time constant, at the constant where that is least.
     cosine: of their motions then; a diagnosis calls them alike if it is large, whatever the errors.
     one_form: whether a free form refines both. Where that form fits better, their formulas tell nothing.
+
+    What is told anyway and what only if the formula of the cause is exact are kept apart: poses that leave two
+    formulas alike do not show either whether one of them is exact.
     """
 
     there: str
@@ -77,9 +80,14 @@ class CausePair:
     one_form: bool = False
 
     @property
-    def told(self) -> bool:
-        """Whether the data will tell them apart."""
+    def told_if_exact(self) -> bool:
+        """Whether the data will tell them apart if the formula of the first is exact."""
         return self.lead >= NEEDED and self.cosine <= EQUIVALENCE_COSINE
+
+    @property
+    def told(self) -> bool:
+        """Whether the data will tell them apart, exact or not."""
+        return self.told_if_exact and not self.one_form
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,8 +106,8 @@ class PoseDesign:
 
     @property
     def told(self) -> bool:
-        """Whether every rival is expected to be told from every other one."""
-        return all(pair.told for pair in self.pairs)
+        """Whether every rival is expected to be told from every other one, if its formula is exact."""
+        return all(pair.told_if_exact for pair in self.pairs)
 
     @property
     def dwell(self) -> float:
@@ -294,9 +294,9 @@ def _held(
         hold = dwell * held
         pairs = () if len(causes) < 2 else expected(model, causes, _parts(problem, poses, hold), problem.noise)
         tries.append((hold, pairs))
-        if all(pair.told for pair in pairs):
+        if all(pair.told_if_exact for pair in pairs):
             return hold, pairs
-    return max(tries, key=lambda one: (sum(p.told for p in one[1]), min(p.lead for p in one[1])))
+    return max(tries, key=lambda one: (sum(p.told_if_exact for p in one[1]), min(p.lead for p in one[1])))
 
 
 def _in_turn(problem: DesignProblem, keys: Sequence[str], poses: Poses, hold: Array) -> Columns:

@@ -275,7 +275,7 @@ def _diagnosis_of(
     """The diagnosis that selects from the candidates `tried`, the classes of the selected ones among the `possible`."""
     ranked = screening.ranked
     weights = None if screening.rates is None else screening.rates.weights([scored.name for scored in tried])
-    selection = forward_select(screening.scored, screening.sets, screening.linear, progress, weights, tried)
+    selection = forward_select(screening.pairs, progress, weights, tried)
     selected = selection.effects
     return Diagnosis(
         screening=screening,

@@ -39,6 +39,13 @@ class EffectPairs:
     fit: LinearisedFit
     beside: Mapping[str, LinearEstimate]
 
+    def beside_also(self, one: ScoredCandidate) -> EffectPairs:
+        """The same beside the fit with one more effect, projected out of all candidates once."""
+        fit = self.fit.beside(one.projected)
+        sets = fit.up_to_date(self.sets)
+        names = (scored.name for scored in self.screened)
+        return EffectPairs(self.screened, sets, fit, dict(zip(names, fit.explain_each(sets), strict=True)))
+
     def pair_instead_of(self, measuring: ScoredCandidate) -> Pair | None:
         """The first pair that predicts as well as an effect of the measurement beside its best companion, if any."""
         if not self._pairs:

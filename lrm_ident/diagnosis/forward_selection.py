@@ -17,7 +17,6 @@ import numpy as np
 
 from lrm_ident.diagnosis.effect_pairs import EffectPairs, Pair
 from lrm_ident.diagnosis.screening.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.column_spaces import cosine_of_bases
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
@@ -61,9 +60,7 @@ class Selection:
 
 
 def forward_select(
-    screened: Sequence[ScoredCandidate],
-    sets: ColumnSets,
-    linear: LinearisedFit,
+    start: EffectPairs,
     progress: OnProgress,
     weights: Mapping[str, float] | None = None,
     possible: Sequence[ScoredCandidate] | None = None,
@@ -74,28 +71,25 @@ def forward_select(
     improve the prediction beside them: it may only stand for a wrong formula of what is there.
 
     Args:
-        sets: the projected columns of all that were screened, in their order.
+        start: all that were screened, and pairs of them, beside the fit; what is known of it serves every selection.
         weights: of the candidates' p values (`EffectRates.weights`): a frequent effect needs less evidence, and is
             preferred to others that predict alike. None: equal.
         possible: candidates that may be selected, the best first; the others are only tried. None: all.
     """
-    ranked = screened if possible is None else possible
+    ranked = start.screened if possible is None else possible
     selected: list[ScoredCandidate] = []
-    fit, estimates = linear, [scored.alone for scored in screened]
     steps: list[SelectionStep] = []
+    pairs = start
     while True:
-        step = SelectionStep(fit, dict(zip((scored.name for scored in screened), estimates, strict=True)))
+        step = SelectionStep(pairs.fit, pairs.beside)
         steps.append(step)
         progress(1 + len(selected), MOST_SELECTED)
         full = len(selected) == MOST_SELECTED
-        pairs = EffectPairs(screened, sets, fit, step.beside)
-        chosen = None if full else _next_effect(ranked, selected, step, linear.baseline, weights or {}, pairs)
+        chosen = None if full else _next_effect(ranked, selected, step, start.fit.baseline, weights or {}, pairs)
         if chosen is None:
             return Selection(tuple(selected), tuple(steps))
         selected.append(chosen)
-        fit = fit.beside(chosen.projected)  # what is selected is projected out of all candidates once
-        sets = fit.up_to_date(sets)
-        estimates = fit.explain_each(sets)
+        pairs = pairs.beside_also(chosen)
 
 
 def _next_effect(

@@ -20,7 +20,7 @@ from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section, stated
 from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.report.plain_names import plain_name, symbol
-from lrm_ident.report.text.advice import candidates_words
+from lrm_ident.report.text.advice import candidates_words, provided_words
 from lrm_ident.report.text.claims import with_unit
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.residual.data_audit import Limitation, audit
@@ -200,14 +200,15 @@ def _leads(found: PoseDesign) -> Iterator[str]:
     least: dict[frozenset[str], CausePair] = {}
     for pair in found.pairs:
         both = frozenset((pair.there, pair.instead))
-        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
+        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told_if_exact, one.lead))
     for pair in least.values():
-        told, ways = "will" if pair.told else "will not", ((pair.there, pair.instead), (pair.instead, pair.there))
+        will, ways = pair.told_if_exact, ((pair.there, pair.instead), (pair.instead, pair.there))
         tried = ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in ways)
         yield (
-            f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
-            f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}. "
-            f"Tried on {TRIALS} simulated measurements of each: {tried}."
+            f"At typical sizes a diagnosis {'will' if will else 'will not'} distinguish {pair.there} from "
+            f"{pair.instead}{provided_words([pair])}: it is expected to lead by {pair.lead:.1f} standard errors, "
+            f"{NEEDED:.1f} are needed; cosine {pair.cosine:.2f}. Tried on {TRIALS} simulated measurements of each: "
+            f"{tried}."
         )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import RowWeights
+from lrm_ident.diagnosis.effect_pairs import EffectPairs
 from lrm_ident.diagnosis.screening.candidates import (
     Refusal,
     Unfitted,
@@ -71,6 +72,11 @@ class Screening:
     def ranked(self) -> list[ScoredCandidate]:
         """The testable candidates, best first."""
         return sorted(self.scored, key=lambda one: one.alone.rms)
+
+    @cached_property
+    def pairs(self) -> EffectPairs:
+        """The candidates, and pairs of them, beside the fit."""
+        return EffectPairs(self.scored, self.sets, self.linear, {one.name: one.alone for one in self.scored})
 
     @cached_property
     def subset(self) -> tuple[Fit, Measurements]:

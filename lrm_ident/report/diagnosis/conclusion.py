@@ -24,7 +24,7 @@ from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advice
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
-from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options
+from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options, provided_words
 from lrm_ident.report.text.claims import claim_sentence
 from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_in_order_of, where_measured
 from lrm_ident.report.text.residuals import (
@@ -513,9 +513,9 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     if advice is not None and advice.plan is not None and advice.helps:
         rivals = shlex.quote(",".join(causes_of(report)))
         poses = f"--separate {rivals} --have {data} {plan_options(advice.plan)} -o next.csv"
-        there = f"Measure there, append to {names.data}."
+        these, there = f"these{provided_words(advice.pairs)}", f"Measure there, append to {names.data}."
         yield NextStep(
-            f"Writes poses (--levels any: at any angles) that distinguish these. {there}",
+            f"Writes poses (--levels any: at any angles) that distinguish {these}. {there}",
             f"lrm-ident design {arm} --model {model} {poses}",
             f"lrm-ident fit {data} --arm {arm} -o new.toml",
         )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lrm_ident.design.advice import Advice, MeasuringPlan
-from lrm_ident.design.expected_lead import NEEDED
+from lrm_ident.design.expected_lead import NEEDED, CausePair
 from lrm_ident.design.pose_design import ClearAngles
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support, Verdict
@@ -74,18 +76,22 @@ def _none_can(advice: Advice) -> str:
     return f"No poses tried can distinguish {worst.there} from {worst.instead}"
 
 
+def provided_words(pairs: Sequence[CausePair]) -> str:
+    """On what it depends that poses distinguish these pairs: ", if …", or empty."""
+    form = next((pair for pair in pairs if pair.told_if_exact and not pair.told), None)
+    return "" if form is None else f", if the formula of {form.there} or {form.instead} is exact"
+
+
 def advice_sentence(advice: Advice) -> str:
     """What to measure and what it will tell; or that nothing will, and why."""
     if advice.plan is None:
         return NO_POSE
-    how = _plan_words(advice.plan)
+    how, provided = _plan_words(advice.plan), provided_words(advice.pairs)
     if advice.works:
         least = min(pair.lead for pair in advice.pairs)
-        form = next((pair for pair in advice.pairs if pair.told and pair.one_form), None)
-        provided = "" if form is None else f", if the formula of {form.there} or {form.instead} is exact"
         return (
-            f"{how}, distinguish them: the true cause is expected to lead by {least:.1f} standard errors "
-            f"or more ({Z_THRESHOLD:g} are needed){provided}."
+            f"{how}, distinguish them{provided}: the true cause is expected to lead by {least:.1f} standard errors "
+            f"or more ({Z_THRESHOLD:g} are needed)."
         )
     worst = advice.alike[0]
     why = (
@@ -94,7 +100,7 @@ def advice_sentence(advice: Advice) -> str:
         else f"it would lead by {worst.lead:.1f} standard errors, and {NEEDED:.1f} must be expected"
     )
     none = f"{_none_can(advice)}: {why}"
-    return f"{none}; {how}, distinguish the others." if advice.helps else f"{none}, with {how}."
+    return f"{none}; {how}, distinguish the others{provided}." if advice.helps else f"{none}, with {how}."
 
 
 def candidates_words(origin: ClearAngles) -> str:

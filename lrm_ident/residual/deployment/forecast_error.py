@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import NormalDist
 
 import numpy as np
@@ -66,13 +67,19 @@ class _Prediction:
     spread: Array
     sigma: float
 
+    @cached_property
+    def _principal(self) -> tuple[Array, Array]:
+        """(3 M, P) and (P,), principal directions of the spread, and its sizes along them (m)."""
+        U, size, _ = np.linalg.svd(self.spread, full_matrices=False)
+        return U, size
+
     def squares(self, residual: Array, noise: float) -> Array:
         """(M,), squared errors over their expectation, whitened by the covariance noise² I + spread spreadᵀ.
 
         One wrong parameter moves many poses: without that, chance would look like a change. Its symmetric root is that
         of the identity with another size along the principal directions of the spread.
         """
-        U, size, _ = np.linalg.svd(self.spread, full_matrices=False)
+        U, size = self._principal
         error = residual.reshape(-1) / noise
         white = error - U @ ((1.0 - 1.0 / np.sqrt(1.0 + (size / noise) ** 2)) * (U.T @ error))
         return np.asarray((white.reshape(-1, 3) ** 2).sum(axis=1))

@@ -6,6 +6,7 @@ A cross-validation interpolates in time. What goes on after a session is predict
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -80,11 +81,12 @@ def forecast_residuals(earlier: Fit, later: Measurements) -> tuple[Array, Array]
     before are known, and where they are not. The tracker still errs as it did."""
     model = earlier.model.with_state(state_of_arm(earlier.equilibrium))
     trackers = [*on_the_way(model), *(bound.effect.name for bound in model.binding.distorting)]
-    followed, unknown = (
-        later.position_error(solve_equilibrium(as_deployed_with(model, [*names, *trackers]), later.poses))
-        for names in (followed_effects(model, later.poses), ())
-    )
-    return followed, unknown
+
+    def errors(names: Sequence[str]) -> Array:
+        return later.position_error(solve_equilibrium(as_deployed_with(model, [*names, *trackers]), later.poses))
+
+    unknown, names = errors(()), followed_effects(model, later.poses)
+    return errors(names) if names else unknown, unknown
 
 
 def _edges(data: Measurements) -> list[int]:

@@ -21,6 +21,7 @@ from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.candidate_view import rounded
+from lrm_ident.report.text.advice import provided_words
 from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_ident.study.study import Study
 from lrm_ident.workbench.work.tasks import DoneCommand, PosesTask, SearchResult, section_html, unpacked
@@ -102,7 +103,8 @@ def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:
             "make the model's parameters more certain."
         )
     if len(names) > 1:
-        return f"These {count} poses will show whether it is {plain_name(names[0])} or {plain_name(names[1])}."
+        either = f"{plain_name(names[0])} or {plain_name(names[1])}{provided_words(chosen.pairs)}"
+        return f"These {count} poses will show whether it is {either}."
     if names:
         return f"These {count} poses will show more surely whether it is {plain_name(names[0])}."
     return f"These {count} poses will make the model's parameters more certain; no effect is in doubt."

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from lrm_ident.design.advice import advise, next_poses
+from lrm_ident.design.advice import Advice, MeasuringPlan, advise, next_poses
 from lrm_ident.design.detmax import _climb, maximise_criterion
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
 from lrm_ident.design.expected_lead import (
@@ -89,6 +89,33 @@ def test_what_no_pose_tells_is_said_with_the_reason(arm: Arm) -> None:
     words = f"No poses tried can distinguish {worst.there} from {worst.instead}"
     assert hopeless_words(advice) == words
     assert advice_sentence(advice).startswith(f"{words}: they move the tip alike (cosine 1.00), with ")
+
+
+def test_formulas_that_one_free_form_refines_are_told_only_if_one_is_exact(arm: Arm) -> None:
+    """A joint that hardens otherwise than the cube of its torque has a torque curve: neither formula leads then."""
+    model, loaded = base(arm), at_any_angle(arm, 2.0)
+    both = causes(model, "backlash@joint2", "nonlinear_stiffness@joint2", "servo_gain@joint2")
+    form, *others = expected(model, both, [loaded], NOISE)
+    assert (form.there, form.instead) == ("backlash@joint2", "nonlinear_stiffness@joint2")
+    assert form.told_if_exact
+    assert not form.told
+    assert all(pair.told for pair in others if "servo_gain@joint2" in (pair.there, pair.instead))
+    advice = Advice(MeasuringPlan(loaded, (0.0, 2.0), 0.0), (form,))
+    condition = ", if the formula of backlash@joint2 or nonlinear_stiffness@joint2 is exact"
+    assert f"distinguish them{condition}: " in advice_sentence(advice)
+
+
+def at_any_angle(arm: Arm, kilograms: float) -> Poses:
+    """60 random poses without a load and with one."""
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, (60, arm.dof))
+    return as_measured(Poses(np.tile(q, (2, 1)), np.repeat([0.0, kilograms], len(q))), None)
+
+
+def test_design_says_that_formulas_must_be_exact() -> None:
+    rivals = "backlash@joint2,nonlinear_stiffness@joint2"
+    anyhow = ("--levels", "any", "--loads-g", "0,1000", "-n", 30, "--all")
+    said = " ".join(stdout_of("design", "lrm-lab", "--separate", rivals, *anyhow).split())
+    assert f"will distinguish {' from '.join(rivals.split(','))}, if the formula of" in said
 
 
 def test_the_expected_lead_is_that_of_simulated_measurements(arm: Arm) -> None:

@@ -15,7 +15,6 @@ from lrm_ident.diagnosis.candidate_trial import refit_trial
 from lrm_ident.diagnosis.confirm import confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import report_of
-from lrm_ident.diagnosis.effect_pairs import EffectPairs
 from lrm_ident.diagnosis.forward_selection import Choice, _most_helpful, forward_select
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import PLAIN
@@ -137,11 +136,7 @@ def one_of(found: Diagnosis, name: str) -> ScoredCandidate:
 
 def pair_instead(found: Diagnosis) -> set[str]:
     """Names of the pair that predicts as well as the tracker."""
-    screening = found.screening
-    alone = {one.name: one.alone for one in screening.scored}
-    pair = EffectPairs(screening.scored, screening.sets, screening.linear, alone).pair_instead_of(
-        one_of(found, TRACKER)
-    )
+    pair = found.screening.pairs.pair_instead_of(one_of(found, TRACKER))
     return {one.name for one in pair or ()}
 
 
@@ -159,8 +154,7 @@ def test_a_tracker_that_stretches_space_is_named(name: str) -> None:
 
 def test_where_a_pair_predicts_as_well_the_tracker_alone_is_not_selected() -> None:
     found = diagnosed("leans and yields")
-    screening, possible = found.screening, [one_of(found, TRACKER)]
-    assert not forward_select(screening.scored, screening.sets, screening.linear, silent, None, possible).effects
+    assert not forward_select(found.screening.pairs, silent, None, [one_of(found, TRACKER)]).effects
 
 
 @pytest.mark.parametrize(("name", "refused"), [("rocks obliquely", True), ("stretched", False)])

@@ -109,10 +109,9 @@ def more_to_find(share: float, _: Patch) -> bool:
 
 def effects_selected(count: float, patch: Patch) -> bool:
     patch.setattr(forward_selection, "_next_effect", lambda *_: SimpleNamespace(projected=None))
-    fit: Any = SimpleNamespace(
-        beside=lambda _: fit, up_to_date=lambda _: None, explain_each=lambda _: [], baseline=None
-    )
-    return len(forward_selection.forward_select([], None, fit, lambda *_: None).effects) < count  # type: ignore[arg-type]
+    start: Any = SimpleNamespace(screened=[], beside={}, fit=SimpleNamespace(baseline=None))
+    start.beside_also = lambda _: start
+    return len(forward_selection.forward_select(start, lambda *_: None).effects) < count
 
 
 def alike_in_motion(cosine: float, _: Patch) -> bool:

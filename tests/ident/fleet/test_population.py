@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.source import Source
+from lrm_ident.diagnosis.effect_pairs import EffectPairs
 from lrm_ident.diagnosis.forward_selection import forward_select
 from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting.priors import EffectRates
@@ -169,11 +170,12 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
     )
     ranked: Any = [weak, strong]
     sets = linear.project_each([column, column], [1, 1])
-    assert forward_select(ranked, sets, linear, silent).effects[0] is weak
+    start = EffectPairs(ranked, sets, linear, {one.name: one.alone for one in ranked})
+    assert forward_select(start, silent).effects[0] is weak
     weights = EffectRates({"usual@joint1": 0.8}, 0.01).weights([one.name for one in ranked])
-    assert forward_select(ranked, sets, linear, silent, weights).effects[0] is strong
+    assert forward_select(start, silent, weights).effects[0] is strong
     even = dict.fromkeys(weights, 1.0)
-    assert forward_select(ranked, sets, linear, silent, even).effects[0] is weak
+    assert forward_select(start, silent, even).effects[0] is weak
 
 
 @given(st.lists(st.floats(-10.0, 10.0), min_size=4, max_size=12), st.integers(0, 1000))
