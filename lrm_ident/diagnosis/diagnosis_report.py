@@ -210,7 +210,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     reason = Reason(ReasonKind.REFUSED, (rms,), because=confirmed.refused.get(scored.name, other))
     claim = None
     if equivalent or scored in supported:
-        claim = claim_of(scored, estimates, fitted)
+        claim = claim_of(scored, estimates, fitted, diagnosis.fit.equilibrium)
         verdict = Support.INDISTINGUISHABLE if equivalent else Support.SUPPORTED
         reason = Reason(ReasonKind.EXPLAINS, (before.rms, rms), (scored.name, *equivalent), claim)
     elif scored.implausible:

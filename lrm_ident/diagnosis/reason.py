@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -26,12 +27,14 @@ class Claim:
     Attributes:
         shape: of its parameters (SI), the chosen ones of a shape among them.
         largest_motion: of the TCP (m), where its claim states no estimate, as of a curve, and it was refitted.
+        turns: by the name of its compliances, the turn that the usual load makes of a compliance of 1 (`usual_turns`).
     """
 
     effect: Effect
     estimates: tuple[Estimate, ...]
     shape: tuple[float, ...]
     largest_motion: float | None
+    turns: Mapping[str, float] = field(default_factory=dict)
 
 
 class ReasonKind(StrEnum):

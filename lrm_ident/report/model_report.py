@@ -26,6 +26,7 @@ from lrm_ident.report.text.residuals import where
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.residual.gravity_loads import moments
 from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.other_data import model_for_data
@@ -224,15 +225,16 @@ def quick_report(study: Study) -> ModelReport:
     file, model, data = study.file, study.model, study.data
     models = models_of_steps(study)
     arrows = error_field(data, models_on_data(study))
-    known = covariates(data, solve_equilibrium(model, data.poses).joint_torque)
+    rest = solve_equilibrium(model, data.poses)
+    known = (*covariates(data, rest.joint_torque), *moments(rest))
     drawn = tuple(one.take(arrows.rows) for one in known)
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),
         field=arrows,
         covariates=drawn,
-        parameters=estimate_table(models[-1][1], file.sigma),
-        cards=tuple(step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q)),
+        parameters=estimate_table(models[-1][1], file.sigma, rest=rest),
+        cards=tuple(step_cards(file, [one for _, one in models], arrows, drawn, rest)),
     )
 
 
@@ -254,7 +256,7 @@ def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNa
     fitted, data = diagnosis.screening.subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
-    known = covariates(data, fitted.equilibrium.joint_torque)
+    known = (*covariates(data, fitted.equilibrium.joint_torque), *moments(fitted.equilibrium))
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
     regimes = {

@@ -17,6 +17,8 @@ Kind = Literal[
     "angle",
     "motion",
     "torque",
+    "moment",
+    "thrust",
     "load",
     "order",
     "time",
@@ -29,12 +31,15 @@ Kind = Literal[
     "force",
     "region",
 ]
-"""What a variable is: among them the direction of approach, an axis of the tip, the weight across a joint's axis."""
+"""What a variable is: among them the direction of approach, an axis of the tip, the weight across a joint's axis, the
+moment on a base, link or tool, the force along a joint's axis."""
 SYMBOLS: Mapping[str, str] = {
     "angle": "q{}",
     "motion": "the last motion of q{}",
     "torque": "tau{}",
     "direction": "direction of approach of joint {}",
+    "moment": "moment {}",
+    "thrust": "force {}",
     **{axis: f"position {axis}" for axis in "xyz"},
     "force": "the force across its axis",
 }
@@ -45,16 +50,20 @@ CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
 @dataclass(frozen=True)
 class ExplanatoryVariable:
-    """What an error may depend on; `joint`: from 0, of an angle, a motion, a torque; `before`: at the poses before."""
+    """What an error may depend on; `joint`: from 0, of an angle, a motion, a torque; `before`: at the poses before.
+
+    `slot`: key of the slot on which a moment or a thrust acts, `base.alpha`.
+    """
 
     kind: Kind
     joint: int | None = None
     before: bool = False
+    slot: str = ""
 
     @property
     def symbol(self) -> str:
         """Name in JSON, for instance `q2`, `tau2 before`, `load`."""
-        name = SYMBOLS.get(self.kind, self.kind).format("" if self.joint is None else self.joint + 1)
+        name = SYMBOLS.get(self.kind, self.kind).format(self.slot if self.joint is None else self.joint + 1)
         return f"{name}{' before' if self.before else ''}"
 
 
@@ -63,17 +72,19 @@ class Covariate:
     """A quantity of the poses that an error may depend on.
 
     Attributes:
-        values: (N,), SI (rad, N·m, kg, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
+        values: (N,), SI (rad, N·m, N, kg, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
+        slot: key of the slot that a torque, moment or thrust loads.
     """
 
     kind: Kind
     values: Array
     joint: int | None = None
+    slot: str = ""
 
     @property
     def variable(self) -> ExplanatoryVariable:
-        """Its kind and its joint, without the values."""
-        return ExplanatoryVariable(self.kind, self.joint)
+        """Its kind, and its joint or else its slot, without the values."""
+        return ExplanatoryVariable(self.kind, self.joint, slot="" if self.joint is not None else self.slot)
 
     @cached_property
     def shown(self) -> Array:
@@ -106,7 +117,7 @@ def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
     if poses.direction is not None:  # the order is known
         moved = np.diff(poses.q, axis=0, prepend=poses.q[:1])
         yield from (Covariate("motion", values, joint) for joint, values in enumerate(moved.T))
-    yield from (Covariate("torque", values, joint) for joint, values in enumerate(torque.T))
+    yield from (Covariate("torque", values, joint, f"joint{joint + 1}.theta") for joint, values in enumerate(torque.T))
     yield Covariate("load", poses.payload)
     yield Covariate("order", np.arange(len(data), dtype=np.float64))
     if poses.t is not None:

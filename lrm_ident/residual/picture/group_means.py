@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, levels
+from lrm_ident.residual.gravity_loads import loaded_slots
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
 from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
@@ -72,20 +73,21 @@ FOLLOWED: Mapping[str, tuple[str, ...]] = {
 }
 """Kinds of covariates that stand for what an effect's law depends on."""
 
+LOADS = ("moment", "thrust")
+"""Kinds of covariates that only effects that follow them are drawn against."""
+
 
 def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
     """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time.
 
-    Hysteresis follows the last motion, a spring its torque, a warming the time.
+    Hysteresis follows the last motion, a spring its torque, a base the moments on it, a warming the time.
     """
     kinds = {kind for what in effect.depends_on for kind in FOLLOWED.get(what, ())}
     own = joint_numbers(effect.place)
     joints = {None, *(own or range(effect.arm.dof))}
     found = [one for one in known if one.kind in kinds and one.joint in joints]
-    if effect.load_slots:
-        turned = effect.load_slots == (f"{effect.place}.theta",)
-        found += [one for one in known if one.kind == "torque" and (not turned or one.joint in own)]
-    return found or [one for one in known if one.kind not in FOLLOWED["time"]] or known
+    found += [one for one in known if one.slot in loaded_slots(effect)]
+    return found or [one for one in known if one.kind not in (*FOLLOWED["time"], *LOADS)] or known
 
 
 def fair_rows(residual: Array, poses: int) -> NDArray[np.int64] | None:

@@ -1,0 +1,55 @@
+"""Loads of gravity wherever an arm may give way: what effects of base, links and tool follow, and the usual ones."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from lrm_ident.residual.covariates import Covariate
+from lrm_math.arrays import Array
+from lrm_math.effects import Effect
+from lrm_math.model.equilibrium import Equilibrium
+
+BENT = re.compile(r"(?:base|tool)\.(?:alpha|beta|gamma)|link\d+\.[xy]")
+THRUST = re.compile(r"joint(\d+)\.d")
+NODE = re.compile(r"\.(?:near|far)_")
+"""In the key of a slot at the end of a link, whose moment is nearly that in the middle."""
+COMPLIANCE = re.compile(r"rad_per_Nm(\d?)")
+"""Unit of what a load makes a turn of, and the power of the load."""
+
+
+def moments(rest: Equilibrium) -> tuple[Covariate, ...]:
+    """Moments on the base, every link and the tool, and the forces along the joints' axes, those that vary."""
+    index = rest.model.chain.index
+    slots = sorted((key for key in index if BENT.fullmatch(key) or THRUST.fullmatch(key)), key=index.__getitem__)
+    loads = rest.loads_on([index[key] for key in slots]).T
+    return tuple(_load(key, load) for key, load in zip(slots, loads, strict=True) if np.ptp(load) > 0.0)
+
+
+def _load(slot: str, values: Array) -> Covariate:
+    if joint := THRUST.fullmatch(slot):
+        return Covariate("thrust", values, int(joint[1]) - 1, slot)
+    return Covariate("moment", values, slot=slot)
+
+
+def loaded_slots(effect: Effect) -> tuple[str, ...]:
+    """Keys of the slots whose loads an effect follows; of a link's ends, that of its middle."""
+    return tuple(dict.fromkeys(NODE.sub(".", key) for key in effect.load_slots))
+
+
+def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
+    """Turn (rad) that the RMS load over the poses makes of a compliance of 1, by the names of an effect's compliances.
+
+    Of a quadratic or cubic compliance it is the square or cube of that load.
+    """
+    index = rest.model.chain.index
+    powers = {p.name: int(found[1] or 1) for p in effect.parameters if (found := COMPLIANCE.fullmatch(p.unit))}
+    slots = loaded_slots(effect) or (f"{effect.place}.theta",)
+    if len(slots) < len(powers):  # several compliances of one joint, or of both ends of a link
+        slots *= len(powers)
+    return {
+        name: float(np.sqrt(np.mean(rest.loads_on([index[slot]]) ** 2))) ** power
+        for (name, power), slot in zip(powers.items(), slots, strict=False)
+        if slot in index
+    }
