@@ -12,9 +12,9 @@ from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.text.claims import in_words, outliers_left_out, stated, turned
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate
-from lrm_ident.residual.gravity_loads import usual_turns
+from lrm_ident.residual.gravity_loads import LOCAL, usual_turns
 from lrm_ident.residual.picture.error_field import ErrorField
-from lrm_ident.residual.picture.group_means import LOADS, explained_by_means, joints_of, of_law, shown_most
+from lrm_ident.residual.picture.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects import FREE_FORMS, Effect, EffectRef, Parameter, variants
 from lrm_math.model.equilibrium import Equilibrium
@@ -80,7 +80,7 @@ def step_cards(
     file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate], rest: Equilibrium
 ) -> Iterator[StepCard]:
     """A card for every step after the first. `known`: covariates at the drawn poses. `rest`: of the model, at all."""
-    constant = [one for one in known if one.kind not in LOADS]
+    constant = [one for one in known if one.kind not in LOCAL]
     effects = [{effect.name: effect for effect in model.effects} for model in models]
     for number, entry in enumerate(file.history[1:], start=1):
         added = [effect for name, effect in effects[number].items() if name not in effects[number - 1]]

@@ -72,7 +72,7 @@ class Covariate:
     """A quantity of the poses that an error may depend on.
 
     Attributes:
-        values: (N,), SI (rad, N·m, N, kg, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
+        values: (N,), SI (rad, N·m, N, kg, m, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
         slot: key of the slot that a torque, moment or thrust loads.
     """
 
@@ -88,12 +88,12 @@ class Covariate:
 
     @cached_property
     def shown(self) -> Array:
-        """(N,), values in deg, N·m, g, min, °C; the order from 1."""
+        """(N,), values in deg, N·m, g, mm, min, °C; the order from 1."""
         if self.kind in ("angle", "motion"):
             return np.degrees(self.values)
         if self.kind == "time":
             return self.values / 60.0
-        return self.values * 1e3 if self.kind == "load" else self.values + (self.kind == "order")
+        return self.values * 1e3 if self.kind in ("load", *"xyz") else self.values + (self.kind == "order")
 
     def take(self, rows: NDArray[np.int64]) -> Covariate:
         """The covariate at some poses."""

@@ -1,4 +1,4 @@
-"""Loads of gravity wherever an arm may give way: what effects of base, links and tool follow, and the usual ones."""
+"""What effects of base, links, tool and tracker follow: loads of gravity, and the usual ones; the tip's position."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import re
 
 import numpy as np
 
-from lrm_ident.residual.covariates import Covariate
+from lrm_ident.residual.covariates import Covariate, Kind
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.equilibrium import Equilibrium
 
+AXES: tuple[Kind, ...] = ("x", "y", "z")
+LOCAL: tuple[Kind, ...] = ("moment", "thrust", *AXES)
+"""Kinds of covariates that only effects which follow them are drawn against."""
 BENT = re.compile(r"(?:base|tool)\.(?:alpha|beta|gamma)|link\d+\.[xy]")
 THRUST = re.compile(r"joint(\d+)\.d")
 NODE = re.compile(r"\.(?:near|far)_")
@@ -19,12 +22,14 @@ COMPLIANCE = re.compile(r"rad_per_Nm(\d?)")
 """Unit of what a load makes a turn of, and the power of the load."""
 
 
-def moments(rest: Equilibrium) -> tuple[Covariate, ...]:
-    """Moments on the base, every link and the tool, and the forces along the joints' axes, those that vary."""
+def local_covariates(rest: Equilibrium) -> tuple[Covariate, ...]:
+    """What only some effects follow: moments on base, links, tool; forces along joints; the tip's position."""
     index = rest.model.chain.index
     slots = sorted((key for key in index if BENT.fullmatch(key) or THRUST.fullmatch(key)), key=index.__getitem__)
     loads = rest.loads_on([index[key] for key in slots]).T
-    return tuple(_load(key, load) for key, load in zip(slots, loads, strict=True) if np.ptp(load) > 0.0)
+    tip = (Covariate(axis, values) for axis, values in zip(AXES, rest.tcp.T, strict=True))
+    every = (*(_load(key, load) for key, load in zip(slots, loads, strict=True)), *tip)
+    return tuple(one for one in every if np.ptp(one.values) > 0.0)
 
 
 def _load(slot: str, values: Array) -> Covariate:

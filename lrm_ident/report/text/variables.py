@@ -16,6 +16,7 @@ NAMES: Mapping[str, str] = {
     "order": "order of measurement",
     "total torque": "sum of the joints' torques",
     "region": "region of the workspace",
+    **{axis: f"{axis} of the tip" for axis in "xyz"},
 }
 IN_SENTENCES: Mapping[str, str] = {
     "angle": "the angle of joint {}",
@@ -34,6 +35,7 @@ UNITS: Mapping[str, str] = {
     "torque": "N·m",
     "moment": "N·m",
     "thrust": "N",
+    **dict.fromkeys("xyz", "mm"),
     "load": "g",
     "time": "min",
     "temperature": "°C",

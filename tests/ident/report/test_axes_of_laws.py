@@ -8,7 +8,7 @@ import pytest
 from lrm_ident.report.text.claims import in_words, stated
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate, Kind
-from lrm_ident.residual.gravity_loads import moments, usual_turns
+from lrm_ident.residual.gravity_loads import LOCAL, local_covariates, usual_turns
 from lrm_ident.residual.picture.group_means import of_law
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
@@ -32,6 +32,7 @@ KINDS: tuple[Kind, ...] = ("angle", "motion")
         ("base_curve@base", [f"moment on the base about {axis}" for axis in "xyz"]),
         ("lateral_compliance@link2", ["moment on link 2 about its x", "moment on link 2 about its y"]),
         ("bearing_curve@link2", ["moment on link 2 about its x", "moment on link 2 about its y"]),
+        ("depth_scale@frame", ["x of the tip", "y of the tip", "z of the tip"]),
         ("axial_play@joint2", ["force along the axis of joint 2"]),
     ],
 )
@@ -44,11 +45,11 @@ def test_the_abscissa_is_that_of_the_law(lab: Arm, name: str, axes: list[str]) -
         Covariate("torque", torque, joint, f"joint{joint + 1}.theta")
         for joint, torque in enumerate(rest.joint_torque.T)
     )
-    known += [*torques, Covariate("order", np.zeros(3)), *moments(rest)]
+    known += [*torques, Covariate("order", np.zeros(3)), *local_covariates(rest)]
     (effect,) = effects_at(lab, name)
     assert [variable_name(one.variable) for one in of_law(effect, known)] == axes
     (mass,) = effects_at(lab, "mass@link5")
-    assert {"order", "moment", "thrust"}.isdisjoint(one.kind for one in of_law(mass, known))
+    assert {"order", *LOCAL}.isdisjoint(one.kind for one in of_law(mass, known))
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,9 @@ from lrm_ident.report.story import GEOMETRY, Story, StoryStep
 from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
+from lrm_ident.residual.gravity_loads import LOCAL
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
-from lrm_ident.residual.picture.group_means import LOADS, explained_by_means, fair_rows, shown_most
+from lrm_ident.residual.picture.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects.reference import EffectRef
@@ -54,7 +55,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
     history, sha256, story = found.file.history, found.poses.source.sha256, found.story
     turns, lever = found.field.steps[-1].turns, found.field.lever
-    shared = [one for one in found.covariates if one.kind not in LOADS]
+    shared = [one for one in found.covariates if one.kind not in LOCAL]
     left = [explained_by_means(turns, lever, one.values) for one in shared]
     joint, driver = shown_most(left, shared, range(len(lever)))
     drawn = {name for one in found.candidates for name in (one["driver"], one["second"], one["shown"]["driver"])}
