@@ -41,7 +41,7 @@ class ReasonKind(StrEnum):
     """Kinds of reasons, with what `numbers`, `names`, `subject` and `said` of a `Reason` are of each."""
 
     EXPLAINS = "explains"
-    """Numbers: held-out RMS of the tip without and with it (m), where known. Names: it, its equivalents. Subject: its claim."""
+    """Numbers: held-out RMS of the tip without and with it (m), where known. Names: it, equivalents. Subject: claim."""
     IMPLAUSIBLE = "implausible"
     """Number: what a parameter would have to be, in its unit. Name: the parameter. Against physics."""
     LITTLE = "little"

@@ -38,8 +38,6 @@ SYMBOLS: Mapping[str, str] = {
     "motion": "the last motion of q{}",
     "torque": "tau{}",
     "direction": "direction of approach of joint {}",
-    "moment": "moment {}",
-    "thrust": "force {}",
     **{axis: f"position {axis}" for axis in "xyz"},
     "force": "the force across its axis",
 }
@@ -63,7 +61,7 @@ class ExplanatoryVariable:
     @property
     def symbol(self) -> str:
         """Name in JSON, for instance `q2`, `tau2 before`, `load`."""
-        name = SYMBOLS.get(self.kind, self.kind).format(self.slot if self.joint is None else self.joint + 1)
+        name = SYMBOLS.get(self.kind, self.kind).format("" if self.joint is None else self.joint + 1)
         return f"{name}{' before' if self.before else ''}"
 
 

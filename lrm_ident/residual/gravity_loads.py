@@ -50,11 +50,8 @@ def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
     """
     index = rest.model.chain.index
     powers = {p.name: int(found[1] or 1) for p in effect.parameters if (found := COMPLIANCE.fullmatch(p.unit))}
-    slots = loaded_slots(effect) or (f"{effect.place}.theta",)
-    if len(slots) < len(powers):  # several compliances of one joint, or of both ends of a link
-        slots *= len(powers)
-    return {
-        name: float(np.sqrt(np.mean(rest.loads_on([index[slot]]) ** 2))) ** power
-        for (name, power), slot in zip(powers.items(), slots, strict=False)
-        if slot in index
-    }
+    slots = [index[key] for key in loaded_slots(effect) or (f"{effect.place}.theta",) if key in index]
+    # one compliance is of all slots together; several are one of each, of both ends of a link, or all of one joint
+    groups = [sorted(slots)] if len(powers) == 1 else [[slot] for slot in slots] * len(powers)
+    loads = [float(np.sqrt(np.mean((rest.loads_on(group) ** 2).sum(axis=1)))) for group in groups if group]
+    return {name: load**power for (name, power), load in zip(powers.items(), loads, strict=False) if load}

@@ -62,7 +62,8 @@ TITLE = """(() => {
 })()"""
 """Title of the scene, and the px beside it."""
 FILLED = """(() => {
-  const { content, canvas } = lrm.scenes.field, [low, high] = content.box, size = [canvas.clientWidth, canvas.clientHeight];
+  const { content, canvas } = lrm.scenes.field, [low, high] = content.box;
+  const size = [canvas.clientWidth, canvas.clientHeight];
   const at = lrmScene.projection(content.box, ...size), ends = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) =>
     at(low.map((l, k) => (corner >> k & 1 ? high[k] : l))));
   return [0, 1].flatMap((k) => [Math.min, Math.max].map((of) => of(...ends.map((end) => end[k])) / size[k]));
