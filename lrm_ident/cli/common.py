@@ -223,22 +223,22 @@ class TakesLonger(Exception):
 
 @contextmanager
 def timed(time: TimeOfParts, most: float | None) -> Iterator[Progress]:
-    """Bars, or without a terminal a line for each part that is done with the time left, as it is learned from them.
+    """Bars, or without a terminal one line with the time left, as soon as that is known of a part that is done.
 
     The progress raises `TakesLonger` as soon as the work turns out to take longer than `most` s.
     """
-    ended = 0
+    told = False
     with bars() as shown:
 
         def tick(what: str, done: int, of: int) -> None:
             """Moves the bar, or prints a line; ends the work that takes too long."""
-            nonlocal ended
+            nonlocal told
             shown(what, done, of)
             expected = time.expected(done, of)
             if done < of and most is not None and expected > most:
                 raise TakesLonger(expected)
-            if ended < done < of and not animated():
+            if not told and 0 < done < of and not animated():
                 notice(f"{what}: {done} of {of} done, about {in_minutes(time.left(done, of))} left")
-            ended = done
+                told = True
 
         yield tick

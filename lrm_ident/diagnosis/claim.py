@@ -7,8 +7,9 @@ import numpy as np
 from lrm_ident.diagnosis.reason import Claim, Estimate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_math.effects import Effect
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 
 
 def screened_estimates(scored: ScoredCandidate) -> tuple[Estimate, ...]:
@@ -30,12 +31,12 @@ def fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> tuple[Estimate, ..
     )
 
 
-def claim_of(scored: ScoredCandidate, estimates: tuple[Estimate, ...], fitted: Fit | None) -> Claim:
-    """Claim of an effect with its estimates. `fitted`: the refit with it, if there is one."""
+def claim_of(scored: ScoredCandidate, estimates: tuple[Estimate, ...], fitted: Fit | None, rest: Equilibrium) -> Claim:
+    """Claim of an effect with its estimates. `fitted`: the refit with it, if there is one. `rest`: of the model."""
     effect = scored.candidate.effect
     stated = effect.about.claimed & {parameter.name for parameter in effect.parameters}
     motion = None if fitted is None or stated else _largest_motion(fitted, effect)
-    return Claim(effect, estimates, tuple(map(float, scored.shape)), motion)
+    return Claim(effect, estimates, tuple(map(float, scored.shape)), motion, usual_turns(effect, rest))
 
 
 def _largest_motion(fitted: Fit, effect: Effect) -> float:

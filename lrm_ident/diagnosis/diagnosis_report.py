@@ -205,18 +205,20 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     )
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict = Support.NO_EVIDENCE
+    of_tip = refit is not None or not diagnosis.data.several_kinds  # else of all that was measured, weighted
+    errors = (rms, before.rms) if of_tip else ()
     none = ReasonKind.UNCONFIRMED if confirmed.refused else ReasonKind.CHANCE
     other = Reason(ReasonKind.BEHIND if supported else none)
-    reason = Reason(ReasonKind.REFUSED, (rms,), because=confirmed.refused.get(scored.name, other))
+    reason = Reason(ReasonKind.REFUSED, errors[:1], because=confirmed.refused.get(scored.name, other))
     claim = None
     if equivalent or scored in supported:
-        claim = claim_of(scored, estimates, fitted)
+        claim = claim_of(scored, estimates, fitted, diagnosis.fit.equilibrium)
         verdict = Support.INDISTINGUISHABLE if equivalent else Support.SUPPORTED
-        reason = Reason(ReasonKind.EXPLAINS, (before.rms, rms), (scored.name, *equivalent), claim)
+        reason = Reason(ReasonKind.EXPLAINS, errors[::-1], (scored.name, *equivalent), claim)
     elif scored.implausible:
         reason = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
-        reason = Reason(ReasonKind.LITTLE, (rms, before.rms))
+        reason = Reason(ReasonKind.LITTLE, errors)
     if function := diagnosis.unexplained.spurious.get(scored.name):
         reason = Reason(ReasonKind.RESEMBLES, subject=function)
     deployed = None if refit is None else _deployed(refit, diagnosis.data)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -26,27 +27,29 @@ class Claim:
     Attributes:
         shape: of its parameters (SI), the chosen ones of a shape among them.
         largest_motion: of the TCP (m), where its claim states no estimate, as of a curve, and it was refitted.
+        turns: by the name of its compliances, the turn that the usual load makes of a compliance of 1 (`usual_turns`).
     """
 
     effect: Effect
     estimates: tuple[Estimate, ...]
     shape: tuple[float, ...]
     largest_motion: float | None
+    turns: Mapping[str, float] = field(default_factory=dict)
 
 
 class ReasonKind(StrEnum):
     """Kinds of reasons, with what `numbers`, `names`, `subject` and `said` of a `Reason` are of each."""
 
     EXPLAINS = "explains"
-    """Numbers: held-out RMS without and with it (m). Names: it, then its equivalents. Subject: its claim."""
+    """Numbers: held-out RMS of the tip without and with it (m), where known. Names: it, equivalents. Subject: claim."""
     IMPLAUSIBLE = "implausible"
     """Number: what a parameter would have to be, in its unit. Name: the parameter. Against physics."""
     LITTLE = "little"
-    """Numbers: held-out RMS with it and without (m)."""
+    """Numbers: held-out RMS of the tip with it and without (m), where known."""
     RESEMBLES = "resembles_structure"
     """Subject: a free function that explains far more."""
     REFUSED = "refused"
-    """Number: held-out RMS that it would leave alone (m). `because`: one of those below."""
+    """Number: held-out RMS of the tip that it would leave alone (m), where known. `because`: one of those below."""
     BEHIND = "explained_by_supported"
     """The supported effects explain the same."""
     CHANCE = "may_be_chance"

@@ -22,11 +22,13 @@ from lrm_ident.report.text.residuals import predictable_sentence, why_not_held_o
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
+from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
+from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 FACTORS_SHOWN, STRONG, LITTLE = 3, 0.95, 0.02
@@ -34,6 +36,8 @@ FROM_DATA = (
     "from data: share of a parameter's prior variance that the poses removed. At 0 % the estimate is only its typical "
     "size: these poses cannot distinguish it from others, or do not show it."
 )
+USUAL = "usual load|"
+USUAL_LOAD = "usual load: how far the compliance turns under gravity, RMS over the poses."
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
 DIAGNOSE_WILL = "Names the effect that the model lacks, if these poses show it."
 MOSTLY_TOLD, OUTLIERS_SHOWN, MUCH = 0.5, 4, 1.5
@@ -120,6 +124,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     details: list[Block] = [
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
+        USUAL_LOAD,
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
         *section("Outliers:", (f"pose {pose}: {in_mm(error * 1e-3)} mm" for pose, error in outliers)),
     ]
@@ -295,28 +300,46 @@ def parameter_table(fit: Fit) -> ResultTable:
     """Estimates with standard errors, and how much of them the data told; angles in degrees."""
     known = parameter_estimates(fit)
     told = {key: one.from_data for key, one in known.items() if one.from_data is not None}
-    return estimate_table(fit.model, {key: one.standard_error for key, one in known.items()}, told)
+    return estimate_table(fit.model, {key: one.standard_error for key, one in known.items()}, told, fit.equilibrium)
 
 
 def estimate_table(
-    model: Model, errors: Mapping[str, float | None], told: Mapping[str, float] | None = None
+    model: Model,
+    errors: Mapping[str, float | None],
+    told: Mapping[str, float] | None = None,
+    rest: Equilibrium | None = None,
 ) -> ResultTable:
     """The free parameters of a model with their standard errors, those without one being at a bound; angles in degrees.
 
     `errors`: in the units of the keys. `told`: the part (0 to 1) of what was unknown of them that the data removed, the
     rest being their typical size. Coefficients of a residual field, of which none means anything, are counted only.
+    `rest`: where it is known, how far each compliance turns under the usual load is told.
     """
     rows, named = [], named_part(model).free
+    turns = {} if rest is None else _turned(model, rest)
     for key in named:
         name, scale, unit = screen_unit(model, key)
         error, si = errors.get(key), model.parameter(key).si
         value, sd = wording.with_error(model.value(key) * scale, (error or 0.0) * si * scale)
         share = [f"{in_percent(told[key])} %" if key in told else ""] if told else []
-        rows.append((name, value, "at its bound" if error is None else f"± {sd}", unit, *share))
-    columns = ("parameter", "value|", "± standard error|", "unit", *(["from data|"] if told else []))
+        turn = [turns.get(key)] if turns else []
+        rows.append((name, value, "at its bound" if error is None else f"± {sd}", unit, *share, *turn))
+    more = (*(["from data|"] if told else []), *([USUAL] if turns else []))
+    columns = ("parameter", "value|", "± standard error|", "unit", *more)
     field = len(model.free) - len(named)
     beside = f", and {field} numbers of a residual field, which are not causes" if field else ""
     return ResultTable(columns, rows, f"{len(named)} parameters{beside}{wording.named_joints(model.arm)}")
+
+
+def _turned(model: Model, rest: Equilibrium) -> dict[str, str]:
+    """Turn of every free compliance under the usual load, by its key."""
+    every = [(effect, usual_turns(effect, rest)) for effect in model.effects]
+    keys = {key: turns.get(p.name) for one, turns in every for key, p in zip(one.keys, one.parameters, strict=True)}
+    return {
+        key: f"{np.degrees(turn * model.value(key)):.2g}°"
+        for key, turn in keys.items()
+        if turn is not None and key in model.free
+    }
 
 
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:

@@ -33,7 +33,8 @@ TERMS = tuple(
 """In the order of the alphabet."""
 ON_PAGE = (
     "as deployed", "black-box model", "candidate cause", "empirical term", "held-out", "held out", "identified cause",
-    "indistinguishable cause", "measurement noise", "Moran's I", "RMS", "smooth curve", "spline", "turn of joint",
+    "indistinguishable cause", "measurement noise", "Moran's I", "nested", "RMS", "smooth curve", "spline",
+    "turn of joint", "usual load",
 )  # fmt: skip
 """Words that page and report explain where they first stand."""
 

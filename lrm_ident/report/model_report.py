@@ -28,6 +28,7 @@ from lrm_ident.report.text.residuals import where
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.residual.gravity_loads import local_covariates
 from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.other_data import model_for_data
@@ -149,7 +150,7 @@ class ModelReport:
             return ()
         again, known = self._story({}), self.file.provenance
         other = [] if known is None or known.prior in (None, TYPICAL) else [("prior", prior_words(str(known.prior)))]
-        lack = [(LACKS, " ".join(self.conclusion.reasons))] if self.conclusion.reasons else []
+        lack = [(LACKS, "; ".join(self.conclusion.reasons))] if self.conclusion.reasons else []
         return (*self.conclusion.facts, *other, *(() if again is None else again.certainty), *lack)
 
     @property
@@ -230,15 +231,16 @@ def quick_report(study: Study) -> ModelReport:
     file, model, data = study.file, study.model, study.data
     models = models_of_steps(study)
     arrows = error_field(data, models_on_data(study))
-    known = covariates(data, solve_equilibrium(model, data.poses).joint_torque)
+    rest = solve_equilibrium(model, data.poses)
+    known = (*covariates(data, rest.joint_torque), *local_covariates(rest))
     drawn = tuple(one.take(arrows.rows) for one in known)
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),
         field=arrows,
         covariates=drawn,
-        parameters=estimate_table(models[-1][1], file.sigma),
-        cards=tuple(step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q)),
+        parameters=estimate_table(models[-1][1], file.sigma, rest=rest),
+        cards=tuple(step_cards(file, [one for _, one in models], arrows, drawn, rest)),
     )
 
 
@@ -260,7 +262,7 @@ def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNa
     fitted, data = diagnosis.screening.subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
-    known = covariates(data, fitted.equilibrium.joint_torque)
+    known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
     regimes = {

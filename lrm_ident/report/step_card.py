@@ -9,14 +9,15 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.plain_names import step_title
-from lrm_ident.report.text.claims import outliers_left_out, with_unit
+from lrm_ident.report.text.claims import in_words, outliers_left_out, stated, turned
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate
+from lrm_ident.residual.gravity_loads import LOCAL, usual_turns
 from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_ident.residual.picture.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_math.arm.arm_file import MM
-from lrm_math.arrays import Array
 from lrm_math.effects import FREE_FORMS, Effect, EffectRef, Parameter, variants
+from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
@@ -76,23 +77,26 @@ def of_data(entry: HistoryTable, sha256: str) -> bool:
 
 
 def step_cards(
-    file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate], q: Array
+    file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate], rest: Equilibrium
 ) -> Iterator[StepCard]:
-    """A card for every step after the first. `known`: covariates at the drawn poses. `q`: (N, n), commands (rad)."""
+    """A card for every step after the first. `known`: covariates at the drawn poses. `rest`: of the model, at all."""
+    constant = [one for one in known if one.kind not in LOCAL]
     effects = [{effect.name: effect for effect in model.effects} for model in models]
     for number, entry in enumerate(file.history[1:], start=1):
         added = [effect for name, effect in effects[number].items() if name not in effects[number - 1]]
-        numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
+        numbers = {name: words for effect in added for name, words in _estimates(effect, entry, {}).items()}
         free = sum(key in entry.sigma for effect in added for key in effect.keys)
-        followed = of_law(added[0], known) if added else known
+        followed = of_law(added[0], known) if added else constant
+        turns = usual_turns(added[0], rest) if len(added) == 1 else {}
+        plain = _estimates(added[0], entry, turns) if len(added) == 1 else {}
         joint, driver = _shown(added[0].place if added else "", field, number, followed)
         yield StepCard(
             number=number,
             name=entry.name.added or str(entry.name),
             title=_capital(step_title(entry.name)),
             adds=bool(entry.name.added),
-            claim=_claim(added, numbers) or _left_out(entry, file.history[number - 1]),
-            estimate=next(iter(numbers.values())) if free == 1 else "",
+            claim=_claim(added, plain, turns) or _left_out(entry, file.history[number - 1]),
+            estimate=next(iter(plain.values()), "") + turned(bool(turns)) if free == 1 else "",
             estimates=tuple(f"{one.symbol} = {words}" for one, words in numbers.items()),
             joint=joint,
             driver=driver,
@@ -100,7 +104,7 @@ def step_cards(
                 tuple(entry.indistinguishable),
                 rivals=None if entry.rivals_mm is None else {name: mm * MM for name, mm in entry.rivals_mm.items()},
                 of_present=any(name in effects[-1] for effect in added for name in variants(effect)),
-                describes=any(effect.is_free_form or not can_be_contradicted(effect, q) for effect in added),
+                describes=any(effect.is_free_form or not can_be_contradicted(effect, rest.poses.q) for effect in added),
             ),
         )
 
@@ -117,23 +121,22 @@ def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate
     return joint, variable_name(driver) if driver else ""
 
 
-def _estimates(effect: Effect, entry: HistoryTable) -> dict[Parameter, str]:
-    """Numbers of an effect; none of what names no cause, of which none means anything alone."""
+def _estimates(effect: Effect, entry: HistoryTable, turns: Mapping[str, float]) -> dict[Parameter, str]:
+    """Numbers of an effect; none of what names no cause, of which none means anything alone. `turns`: `usual_turns`."""
     if not effect.names_a_cause:
         return {}
     return {
-        parameter: with_unit(entry.parameters[key], entry.sigma.get(key), parameter.unit)
+        parameter: in_words(parameter, entry.parameters[key], entry.sigma.get(key), turns.get(parameter.name))
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
         if key in entry.parameters
     }
 
 
-def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str]) -> str:
+def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str], turns: Mapping[str, float]) -> str:
     """The sentence of the effect that was added; nothing where several were."""
-    if len(added) != 1 or not (sentence := added[0].about.claim):
+    if len(added) != 1 or not added[0].about.claim:
         return ""
-    words = {p.name: numbers.get(p, "0") for p in added[0].parameters}
-    return _capital(sentence.format(place=added[0].place_in_words, **words))
+    return _capital(stated(added[0], {p.name: numbers.get(p, "0") for p in added[0].parameters}, turns))
 
 
 def _left_out(entry: HistoryTable, before: HistoryTable) -> str:

@@ -24,6 +24,7 @@ Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 WITHOUT_EFFECT = ("nominal", "fit")
 """What adds no effect: the nominal arm, the first fit, and later ones without outliers or with a prior."""
 GEOMETRY = "geometry and springs"
+NESTED = "nested, effects chosen anew"
 NOISE, NOISE_AT_MOST = "measurement noise", "measurement noise, at most"
 BAR_WIDTH = 8
 TORN, ROOM = 2.2, 1.4
@@ -100,7 +101,7 @@ class Story:
         more = "" if on_arm is None or _alike(on_arm, self.nested_rms_mm) else f"; as deployed {in_mm(on_arm * MM)} mm"
         after = {
             "as deployed": f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
-            "nested": f", {ANEW}{more}",
+            NESTED: f", {ANEW}{more}",
             NOISE: "",
             NOISE_AT_MOST: " at most",
         }
@@ -112,7 +113,7 @@ class Story:
         """Errors (mm) below the steps of a waterfall: as deployed, where that is another than the last one; nested."""
         last = self.steps[-1]
         deployed = None if _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
-        return tuple((label, mm) for label, mm in (("as deployed", deployed), ("nested", self.nested_rms_mm)) if mm)
+        return tuple((label, mm) for label, mm in (("as deployed", deployed), (NESTED, self.nested_rms_mm)) if mm)
 
     @property
     def noise(self) -> tuple[str, float] | None:

@@ -17,6 +17,8 @@ Kind = Literal[
     "angle",
     "motion",
     "torque",
+    "moment",
+    "thrust",
     "load",
     "order",
     "time",
@@ -29,7 +31,8 @@ Kind = Literal[
     "force",
     "region",
 ]
-"""What a variable is: among them the direction of approach, an axis of the tip, the weight across a joint's axis."""
+"""What a variable is: among them the direction of approach, an axis of the tip, the weight across a joint's axis, the
+moment on a base, link or tool, the force along a joint's axis."""
 SYMBOLS: Mapping[str, str] = {
     "angle": "q{}",
     "motion": "the last motion of q{}",
@@ -45,11 +48,15 @@ CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
 @dataclass(frozen=True)
 class ExplanatoryVariable:
-    """What an error may depend on; `joint`: from 0, of an angle, a motion, a torque; `before`: at the poses before."""
+    """What an error may depend on; `joint`: from 0, of an angle, a motion, a torque; `before`: at the poses before.
+
+    `slot`: key of the slot on which a moment or a thrust acts, `base.alpha`.
+    """
 
     kind: Kind
     joint: int | None = None
     before: bool = False
+    slot: str = ""
 
     @property
     def symbol(self) -> str:
@@ -63,26 +70,28 @@ class Covariate:
     """A quantity of the poses that an error may depend on.
 
     Attributes:
-        values: (N,), SI (rad, N·m, kg, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
+        values: (N,), SI (rad, N·m, N, kg, m, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
+        slot: key of the slot that a torque, moment or thrust loads.
     """
 
     kind: Kind
     values: Array
     joint: int | None = None
+    slot: str = ""
 
     @property
     def variable(self) -> ExplanatoryVariable:
-        """Its kind and its joint, without the values."""
-        return ExplanatoryVariable(self.kind, self.joint)
+        """Its kind, and its joint or else its slot, without the values."""
+        return ExplanatoryVariable(self.kind, self.joint, slot="" if self.joint is not None else self.slot)
 
     @cached_property
     def shown(self) -> Array:
-        """(N,), values in deg, N·m, g, min, °C; the order from 1."""
+        """(N,), values in deg, N·m, g, mm, min, °C; the order from 1."""
         if self.kind in ("angle", "motion"):
             return np.degrees(self.values)
         if self.kind == "time":
             return self.values / 60.0
-        return self.values * 1e3 if self.kind == "load" else self.values + (self.kind == "order")
+        return self.values * 1e3 if self.kind in ("load", *"xyz") else self.values + (self.kind == "order")
 
     def take(self, rows: NDArray[np.int64]) -> Covariate:
         """The covariate at some poses."""
@@ -106,7 +115,7 @@ def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
     if poses.direction is not None:  # the order is known
         moved = np.diff(poses.q, axis=0, prepend=poses.q[:1])
         yield from (Covariate("motion", values, joint) for joint, values in enumerate(moved.T))
-    yield from (Covariate("torque", values, joint) for joint, values in enumerate(torque.T))
+    yield from (Covariate("torque", values, joint, f"joint{joint + 1}.theta") for joint, values in enumerate(torque.T))
     yield Covariate("load", poses.payload)
     yield Covariate("order", np.arange(len(data), dtype=np.float64))
     if poses.t is not None:

@@ -24,10 +24,11 @@ from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
-from lrm_ident.report.text.claims import chosen_again, empirical_words, with_unit
+from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
 from lrm_ident.report.text.reasons import no_law_words, reason_words
 from lrm_ident.report.text.residuals import WHY_OFF, scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
+from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.scale_uncertainty import scale_left_open
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -209,12 +210,12 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
         effect = present.get(step.added)
         if one.kind != Support.FINDING or effect is None or effect.is_free_form or not effect.about.claim:
             continue
+        turns = usual_turns(effect, fit.equilibrium)
         words = {
-            p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)
+            p.name: in_words(p, fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, turns.get(p.name))
             for key, p in zip(effect.keys, effect.parameters, strict=True)
         }
-        claim = effect.about.claim.format(place=effect.place_in_words, **words)
-        yield label, claim
+        yield label, stated(effect, words, turns)
         label = ""
 
 

@@ -21,6 +21,7 @@ from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_
 from lrm_ident.report.text.variables import axis_label, function_name, in_a_sentence, place_of, variable_name
 from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, covariates
 from lrm_ident.residual.free_functions import CommonMode, FreeFunction
+from lrm_ident.residual.gravity_loads import local_covariates
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
 
@@ -42,7 +43,7 @@ def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
     first, found = report.first, report.diagnosis
     fitted, data = found.screening.subset
-    known = covariates(data, fitted.equilibrium.joint_torque)
+    known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
     with figure_file(path, 13 if first is None else 19, 4.6) as figure:
         left, right, *third = figure.subplots(1, 2 if first is None else 3)
         _draw_ranking(left, report)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_ident.data.wording import in_mm, poses_words, quantity
 from lrm_ident.diagnosis.reason import Claim
-from lrm_math.effects import Parameter
+from lrm_math.effects import Effect, Parameter
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
@@ -32,11 +32,10 @@ def claim_sentence(claim: Claim) -> str:
     """Claim of an effect with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`; where the claim has no
     number, as of a curve, with the largest motion that the effect makes."""
     effect, estimates = claim.effect, claim.estimates
-    units = {p.name: p.unit for p in effect.parameters}
-    words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
+    parameters = {p.name: p for p in effect.parameters}
+    words = {name: in_words(parameters[name], value, error, claim.turns.get(name)) for name, value, error in estimates}
     chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, claim.shape, strict=True)}
-    template = effect.about.claim or f"{effect.id} at {{place}}"
-    sentence = template.format(place=effect.place_in_words, **{**chosen, **words})
+    sentence = stated(effect, {**chosen, **words}, claim.turns)
     if claim.largest_motion is not None:
         sentence += f", by up to {in_mm(claim.largest_motion)} mm at the tip"
     acting = [estimate for estimate in estimates if estimate.value]
@@ -48,8 +47,30 @@ def claim_sentence(claim: Claim) -> str:
     surest = sorted(further, key=lambda estimate: -abs(estimate.value) / max(estimate.error, 1e-300))[:MOST_ESTIMATES]
     shown = [name for name in words if name in {estimate.name for estimate in surest}]
     meanings, more = {p.name: p.meaning for p in effect.parameters}, len(further) - MOST_ESTIMATES
-    surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
+    surest_values = ", ".join(f"{meanings[name]} {words[name]}{turned(name in claim.turns)}" for name in shown)
     return f"{sentence} ({surest_values}{f' and {more} more' if more > 0 else ''})"
+
+
+def stated(effect: Effect, words: Mapping[str, str], turns: Mapping[str, float]) -> str:
+    """The claim of an effect with its estimates in words. `turns`: as in `in_words`, by the name of the parameter."""
+    sentence = (effect.about.claim or f"{effect.id} at {{place}}").format(place=effect.place_in_words, **words)
+    return sentence + turned(not effect.about.claimed.isdisjoint(turns))
+
+
+def turned(by_load: bool) -> str:
+    """What follows an angle that is a compliance at the usual load."""
+    return " under the usual load" if by_load else ""
+
+
+def in_words(parameter: Parameter, value: float, error: float | None, turn: float | None) -> str:
+    """Estimate with its standard error; of a compliance the angle that the usual load makes of it.
+
+    Args:
+        turn: (rad) that the usual load makes of a compliance of 1, where that is known.
+    """
+    if turn is None:
+        return with_unit(value, error, parameter.unit)
+    return with_unit(value * turn, None if error is None else error * turn, "rad")
 
 
 def outliers_left_out(poses: Sequence[int]) -> str:

@@ -59,10 +59,10 @@ def reason_words(reason: Reason, named: Callable[[str], str] = str) -> str:
         case ReasonKind.IMPLAUSIBLE:
             return f"{reason.names[0]} would have to be {reason.numbers[0]:.3g}, against physics"
         case ReasonKind.LITTLE:
-            return f"it would leave {sizes[0]} of {sizes[1]} mm held out"
+            return f"it would leave {' of '.join(sizes)} mm held out" if sizes else "it explains too little"
         case ReasonKind.REFUSED:
             why = "" if reason.because is None else f", but {reason_words(reason.because, named)}"
-            return f"alone it would leave {sizes[0]} mm{why}"
+            return f"{f'alone it would leave {sizes[0]} mm' if sizes else 'alone it would help'}{why}"
         case ReasonKind.NOT_BETTER:
             return f"refitted, it does not surely predict better: {sizes[0]} mm held out, {sizes[1]} with it"
         case ReasonKind.NOT_BETTER_LATER:
@@ -80,8 +80,8 @@ def reason_words(reason: Reason, named: Callable[[str], str] = str) -> str:
 
 
 def _explains(reason: Reason, claim: str, named: Callable[[str], str]) -> str:
-    (before, after), (effect, *equivalent) = reason.numbers, reason.names
-    better = f"{claim}: the held-out error falls {fall(before, after)} mm"
+    effect, *equivalent = reason.names
+    better = f"{claim}: the held-out error falls {fall(*reason.numbers)} mm" if reason.numbers else claim
     if not equivalent:
         return better
     rivals = ", ".join(map(named, equivalent[:RIVALS_NAMED]))

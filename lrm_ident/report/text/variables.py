@@ -6,14 +6,17 @@ from collections.abc import Mapping
 
 from lrm_ident.residual.covariates import ExplanatoryVariable
 from lrm_ident.residual.free_functions import CommonMode, FreeFunction
+from lrm_math.arm.place_names import place_words
 
 NAMES: Mapping[str, str] = {
     "angle": "angle of joint {}",
     "motion": "last motion of joint {}",
     "torque": "torque of joint {}",
+    "thrust": "force along the axis of joint {}",
     "order": "order of measurement",
     "total torque": "sum of the joints' torques",
     "region": "region of the workspace",
+    **{axis: f"{axis} of the tip" for axis in "xyz"},
 }
 IN_SENTENCES: Mapping[str, str] = {
     "angle": "the angle of joint {}",
@@ -30,6 +33,9 @@ UNITS: Mapping[str, str] = {
     "angle": "deg",
     "motion": "deg",
     "torque": "N·m",
+    "moment": "N·m",
+    "thrust": "N",
+    **dict.fromkeys("xyz", "mm"),
     "load": "g",
     "time": "min",
     "temperature": "°C",
@@ -42,9 +48,17 @@ MODES = {
 }
 
 
+ANGLES = {"alpha": "x", "beta": "y", "gamma": "z"}
+"""The axis that an angle of base or tool turns about."""
+
+
 def variable_name(one: ExplanatoryVariable) -> str:
-    """Name, for instance `angle of joint 2`."""
-    return _of(NAMES, one)
+    """Name, for instance `angle of joint 2`, `moment on link 2 about its x`, `moment on the base about x`."""
+    if one.kind != "moment":
+        return _of(NAMES, one)
+    place, _, axis = one.slot.partition(".")
+    turned = f"the {place} about {ANGLES[axis]}" if axis in ANGLES else f"{place_words(place)} about its {axis}"
+    return f"moment on {turned}"
 
 
 def axis_label(one: ExplanatoryVariable) -> str:

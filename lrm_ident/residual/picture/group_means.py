@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, levels
+from lrm_ident.residual.gravity_loads import AXES, LOCAL, loaded_slots
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
 from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
+from lrm_math.effects.targets import Kind as Target
+from lrm_math.effects.targets import kind_of
 
 GROUPS, DECIMALS = 12, 6
 """Groups of neighbours, as in `binned` of charts/chart.js; decimals (SI) to which values are one level."""
@@ -76,16 +79,17 @@ FOLLOWED: Mapping[str, tuple[str, ...]] = {
 def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
     """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time.
 
-    Hysteresis follows the last motion, a spring its torque, a warming the time.
+    Hysteresis follows the last motion, a spring its torque, a base the moments on it, a warming the time, a tracker
+    that stretches the tip's position.
     """
+    if kind_of(effect) is Target.FRAME and "time" not in effect.depends_on:
+        return [one for one in known if one.kind in AXES] or known
     kinds = {kind for what in effect.depends_on for kind in FOLLOWED.get(what, ())}
     own = joint_numbers(effect.place)
     joints = {None, *(own or range(effect.arm.dof))}
     found = [one for one in known if one.kind in kinds and one.joint in joints]
-    if effect.load_slots:
-        turned = effect.load_slots == (f"{effect.place}.theta",)
-        found += [one for one in known if one.kind == "torque" and (not turned or one.joint in own)]
-    return found or [one for one in known if one.kind not in FOLLOWED["time"]] or known
+    found += [one for one in known if one.slot in loaded_slots(effect)]
+    return found or [one for one in known if one.kind not in (*FOLLOWED["time"], *LOCAL)] or known
 
 
 def fair_rows(residual: Array, poses: int) -> NDArray[np.int64] | None:

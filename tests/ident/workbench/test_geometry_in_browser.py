@@ -61,6 +61,14 @@ TITLE = """(() => {
   return [title.textContent, canvas.getBoundingClientRect().right - title.getBoundingClientRect().right];
 })()"""
 """Title of the scene, and the px beside it."""
+FILLED = """(() => {
+  const { content, canvas } = lrm.scenes.field, [low, high] = content.box;
+  const size = [canvas.clientWidth, canvas.clientHeight];
+  const at = lrmScene.projection(content.box, ...size), ends = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) =>
+    at(low.map((l, k) => (corner >> k & 1 ? high[k] : l))));
+  return [0, 1].flatMap((k) => [Math.min, Math.max].map((of) => of(...ends.map((end) => end[k])) / size[k]));
+})()"""
+"""Where the box of the scene begins and ends: parts of the width of its canvas, and of the height."""
 LEGEND = "[...document.querySelectorAll('#lrm-card-1 .legendtext')].map((one) => one.textContent)"
 LONGEST = "[...lrm.state.values.ranking].sort((a, b) => b.title.length - a.title.length)[0].name"
 HINTS = "[...document.querySelectorAll('.lrm-menu-list [data-name] .q-btn__content div')].map((one) => one.innerText)"
@@ -109,7 +117,8 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
     """The axis is that of the effect's law, before and after are seen to differ, every step has a sketch."""
     page = browser.new_context(viewport={"width": 1440, "height": 844}, color_scheme="light").new_page()
     page.goto(report.as_uri())
-    page.wait_for_selector("#lrm-turn .main-svg")
+    page.wait_for_selector("#lrm-card-1 .main-svg")
+    assert page.is_visible("#panel-turn") == page.evaluate("lrm.state.values.fails")
     page.set_viewport_size({"width": 500, "height": 844})  # a window that is made narrower, a phone that is turned
     settle(page, SETTLED_MS)
     assert faults_of_geometry(page) == [], "resized"
@@ -123,6 +132,9 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
         title, beside = page.evaluate(TITLE)
         assert "mm" in title, width
         assert beside > 55, "the scale of colours has its own room"
+        left, right, top, bottom = page.evaluate(FILLED)
+        assert min(left, 1 - right, top, 1 - bottom) >= 0, "nothing is cut"
+        assert min(right - left, bottom - top) > 0.7, "the scene fills its card, whatever the arm"
         assert page.evaluate(LEGEND) == ["before", "after", "mean before", "mean after"]
         if width == min(WIDTHS):
             bottom = "document.querySelector('{}').getBoundingClientRect()"

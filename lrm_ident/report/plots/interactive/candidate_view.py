@@ -17,14 +17,16 @@ from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
-from lrm_ident.report.text.claims import DISPLAY_UNITS, with_unit
+from lrm_ident.report.text.claims import DISPLAY_UNITS, turned, with_unit
 from lrm_ident.report.text.reasons import reason_words
 from lrm_ident.report.text.variables import function_name, variable_name
 from lrm_ident.residual.covariates import Covariate
+from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.picture.drivers import drawn_over
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_ident.residual.picture.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import Equilibrium
 
 UM, ANGLE = 3, 4
 """Decimals of millimetres and degrees in the drawing only."""
@@ -90,7 +92,7 @@ def candidate_view(
         "form": rounded(np.where(seen, np.degrees(_drawn(turns[joint], rows)), np.nan), ANGLE),
         "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
-        "size": _size(scored),
+        "size": _size(scored, fitted.equilibrium),
         "estimates": [
             f"{parameters[name].symbol} = {with_unit(value, error, parameters[name].unit)}"
             for name, value, error in ranked.estimates
@@ -114,13 +116,15 @@ def best_estimate(ranked: RankedCandidate) -> Array:
     return np.array([ranked.fit.model.value(key) for key in keys]) / typical
 
 
-def _size(scored: ScoredCandidate) -> dict[str, object] | None:
-    """Size of an effect that has one, in the unit that is shown."""
+def _size(scored: ScoredCandidate, rest: Equilibrium) -> dict[str, object] | None:
+    """Size of an effect that has one, in the unit that is shown; of a compliance the turn under the usual load."""
     if scored.size != 1:
         return None
     [parameter], [theta] = scored.candidate.parameters, scored.alone.theta
-    scale, symbol = DISPLAY_UNITS.get(parameter.unit, (1.0, f" {parameter.unit}"))
-    return {"value": float(theta * parameter.typical / parameter.si) * scale, "unit": symbol}
+    value, turn = float(theta * parameter.typical / parameter.si), usual_turns(scored.candidate.effect, rest)
+    unit = "rad" if turn else parameter.unit
+    scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
+    return {"value": value * turn.get(parameter.name, 1.0) * scale, "unit": f"{symbol}{turned(bool(turn))}"}
 
 
 def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:

@@ -23,6 +23,7 @@ from lrm_ident.report.story import GEOMETRY, Story, StoryStep
 from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
+from lrm_ident.residual.gravity_loads import LOCAL
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.picture.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
@@ -54,14 +55,18 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
     history, sha256, story = found.file.history, found.poses.source.sha256, found.story
     turns, lever = found.field.steps[-1].turns, found.field.lever
-    left = [explained_by_means(turns, lever, one.values) for one in found.covariates]
-    joint, driver = shown_most(left, found.covariates, range(len(lever)))
+    shared = [one for one in found.covariates if one.kind not in LOCAL]
+    left = [explained_by_means(turns, lever, one.values) for one in shared]
+    joint, driver = shown_most(left, shared, range(len(lever)))
+    drawn = {name for one in found.candidates for name in (one["driver"], one["second"], one["shown"]["driver"])}
+    drawn |= {card.driver for card in found.cards} | {variable_name(one.variable) for one in shared}
     cards = zip(found.cards, story.later if story else (), found.attributions, strict=True)
     return {
         **_drawn(found.field, found.poses),
         "drivers": [
             {"name": variable_name(one.variable), "label": axis_label(one.variable), "values": rounded(one.shown, 4)}
             for one in found.covariates
+            if variable_name(one.variable) in drawn
         ],
         "verdict": found.verdict,
         "facts": [[label, words, label in FIRST] for label, words in found.facts],
@@ -76,6 +81,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "floor": found.floor_mm,
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         # shown first: the chart that shows most of what the model leaves
+        "fails": found.diagnosis is None or not Verdict(str(known["verdict"])).quiet,
         "where": {"joint": joint, "driver": variable_name(driver) if driver else ""},
         "next": "" if commands else known.get("next_poses_hint", ""),
         "commands": [[one.command, one.words, one.then, one.lead] for one in commands],

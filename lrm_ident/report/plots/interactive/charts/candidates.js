@@ -44,7 +44,8 @@ function lrmCandidates(page) {
   // Where it fails: the residual as a turn of one joint against a driver.
   function drawTurn() {
     const v = state.values, driver = v.drivers.find((d) => d.name === state.driver), step = v.steps[state.step];
-    if (!driver || !step) return;
+    place("turn").closest("section").hidden = !v.fails;
+    if (!driver || !step || !v.fails) return;
     const one = candidate(), all = step.turns[state.joint], rows = page.points(), sample = page.sample();
     const y = active(state.step, one) ? without(all, one.turns[state.joint]) : all;
     const seen = range(at(y, rows), v.steps[0].turns[state.joint]), x = at(driver.values, sample); // the range is the same for all steps

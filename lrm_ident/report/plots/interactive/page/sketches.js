@@ -8,6 +8,7 @@ const lrmSketch = (() => {
     play: [["M6 54H16V26H30V54H66V26H80V54H90", "M42 8V44H54V8"], ["M42 34H31M35 30L31 34L35 38", "M54 34H65M61 30L65 34L61 38"], [], [], "free play"],
     creep: [[GROUND, LINK], ["M70 26V42M66 38L70 42L74 38"], ["M24 34L70 28", "M24 34L68 38"], [JOINT.concat(4)], "sinks with time"],
     bend: [[GROUND, "M24 56V34"], ["M24 34Q56 20 76 38"], ["M24 34L76 18"], [JOINT.concat(4)], "link bends"],
+    sideways: [["M4 14H24M4 50H24", "M14 14V50"], ["M14 32C44 30 66 38 86 56", "M70 34V44M66 40L70 44L74 40"], ["M14 32H88"], [[14, 32, 5]], "bends sideways"],
     lean: [["M6 58H50"], ["M28 58L38 30L78 26"], ["M28 58V28L70 18"], [[38, 30, 4]], "base leans"],
     gear: [["M26 32A22 22 0 1 0 70 32A22 22 0 1 0 26 32"], ["M48 26V38", "M42 32H54"], [], [[60, 26, 4]], "off-centre gear"],
     ripple: [["M8 40H90M12 58V8"], ["M12 40C18 22 24 22 30 40S42 58 48 40S60 22 66 40S78 58 84 40"], [], [], "repeats within a turn"],

@@ -45,7 +45,7 @@ const lrmAxes = (() => {
   }
 
   function bar(pen, width, height, largest, colours) {
-    const left = width - 16, top = 34, step = Math.min(18, (height - 90) / colours.length);
+    const left = width - 16, top = 34, step = Math.min(11, (height - 90) / colours.length);
     lettering(pen, 11, "ink", "right");
     pen.fillText("mm", width - 4, top - 14);
     colours.forEach((ink, i) => {

@@ -8,6 +8,7 @@ function lrmField(page) {
   function drawField() {
     const both = state.beside !== null, v = state.values;
     document.documentElement.classList.toggle("lrm-beside", both);
+    place("field").parentElement.style.setProperty("--tall", lrmScene.fitted(boxOfField()));
     drawStep("field", both ? Math.min(state.step, state.beside) : state.step, !both); // before left, after right
     if (both) drawStep("field-b", Math.max(state.step, state.beside), true);
     place("scale").textContent = v.scale.words + " Solid arm: the model at the ringed pose. Outline and dashed line: the nominal arm." +

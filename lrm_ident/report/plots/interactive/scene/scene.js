@@ -5,10 +5,10 @@ const lrmScene = (() => {
   const { colour, ring, frame } = lrmPen;
   const scenes = new Set();
 
-  // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together.
-  const THROUGH = 0.45;
-  const FIRST = { azimuth: -45, elevation: 27, zoom: 1, shift: [0, 0] }, DEG = Math.PI / 180;
-  const view = { ...FIRST, shift: [0, 0] };
+  // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together. The box
+  // fills a scene as it is seen `from`, and keeps that size while a person turns it. `shift`: in parts of the canvas.
+  const THROUGH = 0.45, MARGIN = { left: 36, right: 20, top: 28, bottom: 34 }; // px, for the labels and the title
+  const FIRST = [-45, 27], DEG = Math.PI / 180, view = {};
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
   // The box that everything is in: the least and the greatest corner.
@@ -16,18 +16,29 @@ const lrmScene = (() => {
     return [Math.min, Math.max].map((of) => points.reduce((so_far, p) => so_far.map((c, k) => of(c, p[k]))));
   }
 
+  // Unit vectors of the screen, from an azimuth and an elevation (deg).
+  function screenFrom([azimuth, elevation]) {
+    const [a, e] = [azimuth * DEG, elevation * DEG];
+    return { right: [-Math.sin(a), Math.cos(a), 0], up: [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)],
+      towards: [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)] };
+  }
+
+  // Width and height (mm) of a box as it is seen from there.
+  function extent([low, high], from) {
+    const { right, up } = screenFrom(from);
+    return [right, up].map((way) => way.reduce((sum, c, k) => sum + Math.abs(c) * (high[k] - low[k]), 0));
+  }
+
   // From mm to the screen: [right, down, towards the viewer (mm)] for a canvas of a size in px; its `scale` in px/mm.
   function projection(box, width, height) {
-    const a = view.azimuth * DEG, e = view.elevation * DEG, steep = FIRST.elevation * DEG;
-    const right = [-Math.sin(a), Math.cos(a), 0], towards = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)];
-    const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
-    const [low, high] = box, middle = low.map((l, k) => (l + high[k]) / 2), size = low.map((l, k) => high[k] - l);
-    const across = Math.hypot(size[0], size[1]), tall = size[2] * Math.cos(steep) + across * Math.sin(steep);
-    const scale = view.zoom * Math.min((width - Math.min(64, 0.18 * width)) / across, (height - 56) / tall);
+    const { right, up, towards } = screenFrom([view.azimuth, view.elevation]), [across, tall] = extent(box, view.from);
+    const middle = box[0].map((low, k) => (low + box[1][k]) / 2), { left, top } = MARGIN;
+    const room = [width - left - MARGIN.right, height - top - MARGIN.bottom];
+    const scale = view.zoom * Math.max(Math.min(room[0] / across, room[1] / tall), 1e-6);
     const at = (p) => {
       const q = p.map((c, k) => c - middle[k]);
-      return [width / 2 + scale * (dot(q, right) + view.shift[0] * across), height / 2 + 6 - scale * (dot(q, up) + view.shift[1] * across),
-        dot(q, towards)];
+      return [left + room[0] / 2 + scale * dot(q, right) + view.zoom * view.shift[0] * width,
+        top + room[1] / 2 - scale * dot(q, up) - view.zoom * view.shift[1] * width, dot(q, towards)];
     };
     return Object.assign(at, { scale });
   }
@@ -175,8 +186,16 @@ const lrmScene = (() => {
 
   // All scenes seen from an azimuth and an elevation (deg); from where they were first without.
   function look(from) {
-    Object.assign(view, FIRST, { shift: [0, 0] }, from ? { azimuth: from[0], elevation: from[1] } : {});
+    const [azimuth, elevation] = from || FIRST;
+    Object.assign(view, { azimuth, elevation, from: [azimuth, elevation], zoom: 1, shift: [0, 0] });
     redraw();
   }
-  return Object.assign(scene, { boxOf, projection, look, view });
+  look();
+
+  // The height of an element in which a box fills its width: a style for it.
+  function fitted(box) {
+    const [across, tall] = extent(box, FIRST), { left, right, top, bottom } = MARGIN;
+    return `calc(${(tall / across).toFixed(3)} * (100% - ${left + right}px) + ${top + bottom}px)`;
+  }
+  return Object.assign(scene, { boxOf, projection, fitted, look, view });
 })();
