@@ -145,7 +145,7 @@ def test_for_machines_values_stand_beside_their_sentence() -> None:
             "the file of these poses is not what the model was fitted to; ",
         ),
         (Notice(NoticeKind.OTHER_EFFECTS, ("own.py", "m.toml")), "own.py is not the file that m.toml was fitted with"),
-        (Notice(NoticeKind.OTHER_PRIOR, ("printed",)), "the model was fitted with the prior 'printed'; this goes on"),
+        (Notice(NoticeKind.OTHER_PRIOR, ("printed",)), "the model was fitted with the prior 'printed'; the diagnosis"),
         (
             Notice(NoticeKind.DIMENSIONS_HELD, ("a", "b")),
             "2 offsets and compliances that the model's fit held",
