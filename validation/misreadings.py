@@ -214,7 +214,8 @@ def _said(check: ReadingCheck | None) -> tuple[tuple[str, ...], ...]:
 def line(key: str, one: ReadingOutcome) -> str:
     """One data set."""
     said = " or ".join(" and ".join(words) for words in one.said) or "nothing"
-    return f"{'right' if one.right else 'MISSED'} {key}: misses {one.share:.3f}, said {said}, true {one.truth or '-'}"
+    far = f"misses {one.share:.3f} of the spread" if np.isfinite(one.share) else "not compared"
+    return f"{'right' if one.right else 'WRONG'} {key}: {far}, said {said}, true {one.truth or 'nothing'}"
 
 
 def main() -> None:

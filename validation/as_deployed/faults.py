@@ -93,6 +93,7 @@ def fault_recording(case: Case, seed: int, poses: int) -> WorldRecording:
             return (at(whole) + added)[: len(angles)]
 
         of = (q[:rows], load[:rows], (true + added)[:rows], noisy, np.random.default_rng(fault))
+        assert case.spoil is not None
         return case.spoil(kind(*of, measured=poses))
 
     exact = np.zeros_like(noise)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow
 import pyarrow.parquet as parquet
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from validation.camera.rendered_photos import PhotoScene
@@ -67,7 +68,7 @@ def _add_camera(folder: Path, scene: PhotoScene, how: FilmedStops) -> None:
     path.write_text(json.dumps(info))
 
 
-def _videos(folder: Path, episode: Array, version: str, how: FilmedStops) -> dict[Path, Array]:
+def _videos(folder: Path, episode: NDArray[np.int64], version: str, how: FilmedStops) -> dict[Path, NDArray[np.int64]]:
     """The rows of each video; for v3 all in one, and where its episodes begin in it."""
     numbers = sorted(set(episode.tolist()))
     rows = {number: np.flatnonzero(episode == number) for number in numbers}
@@ -89,7 +90,7 @@ def _write_video(path: Path, pictures: list[Any], how: FilmedStops) -> None:
     import av
 
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(how.codec, rate=how.fps, options=dict(how.options))
+        stream: Any = container.add_stream(how.codec, rate=how.fps, options=dict(how.options))
         stream.height, stream.width = pictures[0].shape
         stream.pix_fmt = "yuv420p"
         stream.time_base = Fraction(1, how.fps)

@@ -222,5 +222,5 @@ def memories(outcomes: Found) -> str:
         "written after": [one for one in outcomes if one.of.truth and one.of.part == MEMORY_BLIND],
         "nothing hidden": [one for one in outcomes if not one.of.truth],
     }
-    cases = table("world", by_case(outcomes), MEMORY | {"named": FAULTS["named"], "ratio": RATIO})
+    cases = table("world", by_case(outcomes), {**MEMORY, "named": FAULTS["named"], "ratio": RATIO})
     return "\n\n".join([table("worlds", groups, MEMORY), cases])

@@ -49,8 +49,8 @@ def closed_loop(effect: str, seed: int, folder: Path) -> TipErrors:
                 rests.append(rest_at(robot, link, q)[1])
                 seen.append(angles_of(with_retries(robot, robot.get_observation)) - q)
     goals = slice(1, None, 2)
-    errors = (_rms(np.array(tips) - drawn, goals) for tips in (without, rests, floor))
-    return TipErrors(*errors, float(np.sqrt(np.mean(np.square(seen)[goals]))))
+    off, calibrated, least = (_rms(np.array(tips) - drawn, goals) for tips in (without, rests, floor))
+    return TipErrors(off, calibrated, least, float(np.sqrt(np.mean(np.square(seen)[goals]))))
 
 
 def both_sides(goals: Array) -> Array:

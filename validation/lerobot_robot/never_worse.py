@@ -107,7 +107,8 @@ def fitted_rests(arm: str, models: int, count: int) -> Iterator[RestErrors]:
     """The same of hidden arms, by models that were fitted to them; their own tip is the judge."""
     for seed, fitted in enumerate(fitted_arms(arm, models)):
         rng, made = np.random.default_rng([66, seed]), fitted.correction
-        q = rng.uniform(*made.limits)
+        low, high = made.limits
+        q = rng.uniform(low, high)
         sent, before = Motion.at(q), None
         commands, wishes = [q], [q]
         for number in range(count):
@@ -168,7 +169,7 @@ def _goal(made: Correction, kind: str, q: Array, rng: np.random.Generator) -> Ar
     if kind == "near":
         return np.asarray(np.clip(q + np.radians(rng.uniform(0.05, 3.0)) * rng.uniform(-1, 1, len(q)), low, high))
     if kind == "anywhere":
-        return rng.uniform(low, high)
+        return np.asarray(rng.uniform(low, high))
     return min(rng.uniform(low, high, (CANDIDATES, len(q))), key=lambda each: _least_singular(made, each))
 
 

@@ -68,7 +68,8 @@ def _line(arm: str, found: PathFigures) -> str:
 
 def _follow(fitted: FittedArm, rng: np.random.Generator, found: PathFigures, rests: bool) -> None:
     """One random path, and the rest at its end."""
-    path = random_path(*fitted.correction.limits, rng)
+    low, high = fitted.correction.limits
+    path = random_path(low, high, rng)
     commands = follow(fitted.correction, path, found)
     unbounded = followed_without_bounds(fitted.correction, path) if rests else None
     if unbounded is None:

@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -96,7 +97,7 @@ class ScriptedLeader(Teleoperator):
         last = len(self.arms[0].wishes) - 1
         if row >= last and step == MOVE + STOP - 1:
             self.events["exit_early"] = True
-        share, out = min(1.0, (step + 1) / MOVE), {}
+        share, out = min(1.0, (step + 1) / MOVE), dict[str, float]()
         for arm in self.arms:
             before, wish = arm.wishes[max(row - 1, 0)], arm.wishes[min(row, last)]
             degrees = [*np.degrees(before + share * (wish - before)), 50.0]
@@ -152,7 +153,7 @@ def connected(folder: Path, arms: Sequence[RecordedArm], calibrated: bool) -> It
     robot.connect(calibrate=False)
     buses = [robot] if one else [robot.left_arm, robot.right_arm]
     for each in buses:
-        with_retries(each, lambda each=each: each.bus.write_calibration(each.calibration))
+        with_retries(each, partial(each.bus.write_calibration, each.calibration))
     try:
         yield robot
     finally:

@@ -18,7 +18,8 @@ COLUMNS, ROWS = 6, 4
 def board(rng: np.random.Generator) -> ChangeOutcome:
     """A photo of a board of another pattern, dictionary or size; it must be named, with the option that reads it."""
     kind = str(rng.choice(["legacy", "dictionary", "turned"]))
-    other = str(rng.choice([name for name in DICTIONARIES if name != CharucoBoard().dictionary]))
+    others = [name for name in DICTIONARIES if name != CharucoBoard().dictionary]
+    other = others[int(rng.integers(len(others)))]
     shown = {
         "legacy": CharucoBoard(columns=COLUMNS, rows=ROWS, legacy=True),
         "dictionary": CharucoBoard(columns=COLUMNS, rows=ROWS, dictionary=other),

@@ -67,8 +67,8 @@ def unit(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
         return FileChange("start of one joint", replace(files, metadata=text), ("start_q_deg",))
     key = r"\w+_mm" if kind == "lengths" else "mass_g"
     amount = float(rng.choice([1e-3, 1e3]))
-    words = ("the arm is", "should be less", "lengths") if kind == "lengths" else ("mass", "weigh")
-    return FileChange(f"arm's {kind} x {amount:g}", replace(files, arm=scaled_arm(files.arm, key, amount)), words)
+    said = ("the arm is", "should be less", "lengths") if kind == "lengths" else ("mass", "weigh")
+    return FileChange(f"arm's {kind} x {amount:g}", replace(files, arm=scaled_arm(files.arm, key, amount)), said)
 
 
 def scaled_arm(text: str, key: str, factor: float) -> str:

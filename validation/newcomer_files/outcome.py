@@ -84,8 +84,8 @@ def predictions(model: Path, angles: Array) -> Array:
 
 def probes(arm: Arm) -> Array:
     """(N, n), angles at which models are compared (rad)."""
-    limits = np.array([(joint.lower, joint.upper) for joint in arm.joints])
-    return np.random.default_rng(1).uniform(*(0.9 * limits.T), (POSES, arm.dof))
+    low, high = 0.9 * np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    return np.random.default_rng(1).uniform(low, high, (POSES, arm.dof))
 
 
 def classify(kind: str, change: FileChange, healthy: Array) -> ChangeOutcome:

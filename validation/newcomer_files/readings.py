@@ -62,7 +62,7 @@ def mimic(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
 def gravity(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     """Gravity of the arm's file in another direction or unit."""
     x, y, z = rng.choice(
-        [[0, 0, 9.81], [9.81, 0, 0], [0, -9.81, 0], [0, 0, -9810], [0, 0, -981], [0, 0, -1], [0, 0, 0]]
+        np.array([[0, 0, 9.81], [9.81, 0, 0], [0, -9.81, 0], [0, 0, -9810], [0, 0, -981], [0, 0, -1], [0, 0, 0]])
     )
     text = GRAVITY.sub(f"gravity_m_per_s2 = [{x}, {y}, {z}]", files.arm)
     return FileChange(f"gravity {x:g}, {y:g}, {z:g}", replace(files, arm=text), ("gravity",))

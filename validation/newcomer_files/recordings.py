@@ -55,7 +55,8 @@ def changed(arm: Arm, poses: Array, rng: np.random.Generator) -> tuple[Array, Ar
     """
     names, k = [str(joint.name) for joint in arm.joints], int(rng.integers(arm.dof))
     kind = str(rng.choice(["older zeros", "prefix", "radians", "counts", "sign", "turn", "swapped", "frozen", "NaN"]))
-    read, words = poses.copy(), (f"{names[k]} {SAID.get(kind, '')}", "limits", "beyond")
+    words: tuple[str, ...] = (f"{names[k]} {SAID.get(kind, '')}", "limits", "beyond")
+    read = poses.copy()
     if kind == "older zeros":
         read[:, 1], read[:, 2] = 90.0 - poses[:, 1], poses[:, 2] + 90.0
         words = ("before June 2025",)

@@ -108,9 +108,9 @@ class SwingingRover:
         chip = self.daemon.board.chip
         self.shown = FramesOf(chip, self.daemon.now * 1e-9 + self.rng.uniform(0.0, 1.0 / self.pwm_hz))
         self.daemon.run(30)
-        self.token = self.daemon.core.handle(
-            LeaseRequest(action="acquire", holder="x", take=True), self.daemon.now
-        ).lease.token
+        lease = self.daemon.core.handle(LeaseRequest(action="acquire", holder="x", take=True), self.daemon.now).lease
+        assert lease is not None
+        self.token = lease.token
         zero = dict.fromkeys(self.arm.joint_names, 0.0)
         self.daemon.core.handle(ArmRequest(lease=self.token, where="given", q_rad=zero), self.daemon.now)
         self.pass_ticks(2000)
@@ -145,7 +145,8 @@ class SwingingRover:
         goal = dict(zip(self.arm.joint_names, q.tolist(), strict=True))
         core = self.daemon.core
         self.daemon.settle()
-        told = core.handle(MoveRequest(lease=self.token, waypoints=[goal], shaping=self.shaping), self.daemon.now)
+        shaping = self.config.motion.shaping
+        told = core.handle(MoveRequest(lease=self.token, waypoints=[goal], shaping=shaping), self.daemon.now)
         assert told.final_leg is not None
         assert told.seconds is not None
         while core.mode is not Mode.MOVING or not self.daemon.ramp.moving:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -32,6 +33,12 @@ from lrm_math.plausibility import PlausibleSize
 COORDINATE = PlausibleSize("a coordinate of a position", "mm", 0.0, 1e7)
 FINEST = 1e-5
 """Share of the reach: no tracker that arms are measured with is so exact."""
+TRACKERS = 0.3e-3
+"""m: usual noise of a tracker per axis, where none is stated."""
+BY_CHANCE = 1e-3
+"""Probability up to which readings that are not rounded may all be multiples of a step."""
+NM = 1e-9
+"""m: finer than any reading is written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +78,24 @@ class Positions(Observation):
             yield ("sd", self.sd, 6) if self.blocks is None else ("position_covariance", self.blocks[:, i, j], 9)
 
     def doubts(self, arm: Arm) -> Iterator[str]:
-        """Noise that no tracker has, or that is stated twice."""
+        """Noise that no tracker has, or that is stated twice; a resolution coarser than the noise."""
         name, usual = ("noise_sd_mm", self.noise_sd or 0.0) if self.sd is None else ("sd_mm", float(np.median(self.sd)))
         if 0.0 < usual < FINEST * reach(arm):
             mm = usual / MM
             yield f"{name} is {mm:.3g} mm: no tracker is so exact; were it in metres, it would be {mm * 1e3:.3g} mm"
         if self.sd is not None and self.noise_sd is not None:
             yield "noise_sd_mm of the file beside the data is not used: column sd_mm says the noise of each position"
+        sd, whose = self.weighed().rms_sd, "that a tracker has" if self.weighed().rms_sd is None else "that is stated"
+        noise = TRACKERS if sd is None else float(np.nanmedian(sd))
+        errs = {axis: rounding_step(of) / math.sqrt(12.0) for axis, of in zip(POSITION, self.values.T, strict=True)}
+        coarse = {axis: rounding for axis, rounding in errs.items() if rounding > noise}
+        if coarse:
+            rounding = max(coarse.values())
+            what = f"all values of {', '.join(coarse)} are in steps of {math.sqrt(12.0) * rounding / MM:.3g} mm"
+            yield (
+                f"{what}; rounding errs by {rounding / MM:.2g} mm (SD), more than the noise {whose} "
+                f"({noise / MM:.2g} mm): write more digits"
+            )
 
     @property
     def covariance(self) -> Array:
@@ -101,6 +119,16 @@ class Positions(Observation):
         """Their coordinates in the other frame."""
         blocks = None if self.blocks is None else rotation @ self.blocks @ rotation.T
         return replace(self, values=self.values @ rotation.T + translation, blocks=blocks)
+
+
+def rounding_step(values: Array) -> float:
+    """Step (m) of which all readings (N,) are multiples, from the first one; 0: they show none.
+
+    n differences of readings that are written finer are all multiples of a step by chance in at most 2⁻ⁿ of cases.
+    """
+    readings = np.unique(np.round(values[np.isfinite(values)] / NM).astype(np.int64))
+    step = int(np.gcd.reduce(np.diff(readings), initial=0))
+    return step * NM if 2.0 ** (1 - len(readings)) < BY_CHANCE else 0.0
 
 
 def stated_blocks(table: NumberTable, covariance: str, sd: str) -> Array | None:

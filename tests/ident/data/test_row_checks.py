@@ -19,6 +19,7 @@ from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.observations.encoder_readings import EncoderReadings
 from lrm_ident.data.observations.orientations import Orientations
+from lrm_ident.data.observations.positions import Positions, rounding_step
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.source import Source
@@ -178,6 +179,33 @@ def test_other_orders_of_the_rows_are_said(lab: Arm, tmp_path: Path) -> None:
     assert any("do not ascend" in words for words in data.source.notices)
     assert any("t_s runs backwards" in words for words in data.source.notices)
     assert data.poses.t is None
+
+
+@pytest.mark.parametrize(
+    ("step", "axes", "stated", "said"),
+    [
+        (5.0, "xyz", 0.3, "x_mm, y_mm, z_mm are in steps of 5 mm; rounding errs by 1.4 mm (SD), more than the noise"),
+        (5.0, "y", None, "y_mm are in steps of 5 mm; rounding errs by 1.4 mm (SD), more than the noise that a tracker"),
+        (5.0, "xyz", 1.5, ""),
+        (1.0, "xyz", 0.3, ""),
+        (0.0, "xyz", 0.01, ""),
+    ],
+)
+def test_positions_that_were_rounded_are_said(step: float, axes: str, stated: float | None, said: str) -> None:
+    rng, noise = np.random.default_rng(0), None if stated is None else stated * MM
+    values = rng.uniform(-0.4, 0.4, (60, 3))
+    for axis in axes if step else "":
+        column = values[:, "xyz".index(axis)]
+        column[:] = np.round(column / (step * MM)) * step * MM
+    words = [*Positions(values, noise_sd=noise).doubts(load_arm("lrm-lab"))]
+    assert len(words) == bool(said)
+    assert all(said in one for one in words)
+
+
+def test_few_readings_show_no_step_and_a_step_may_begin_anywhere() -> None:
+    grid = 0.005 * np.arange(20) + 0.00123
+    assert rounding_step(grid) == pytest.approx(0.005)
+    assert rounding_step(grid[:8]) == rounding_step(np.full(20, 0.25)) == rounding_step(np.empty(0)) == 0.0
 
 
 def test_times_of_a_clock_that_was_set_are_not_used_and_said(lab: Arm, tmp_path: Path) -> None:

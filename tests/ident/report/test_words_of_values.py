@@ -73,13 +73,6 @@ def test_every_kind_of_reason_has_its_sentence(kind: ReasonKind) -> None:
     assert words not in others
 
 
-def test_what_is_no_error_of_the_tip_is_not_told_as_one() -> None:
-    """Before, of whole poses and effects that were not refitted: 'it would leave 1.68 of 0.33 mm held out'."""
-    because = Reason(ReasonKind.CHANCE)
-    for reason in (Reason(ReasonKind.LITTLE), Reason(ReasonKind.REFUSED, because=because)):
-        assert " mm" not in reason_words(reason)
-
-
 def test_every_refusal_of_a_law_has_its_sentence() -> None:
     assert NO_LAW.keys() == {*NoLaw}
     assert len({*NO_LAW.values()}) == len(NoLaw)
@@ -152,7 +145,7 @@ def test_for_machines_values_stand_beside_their_sentence() -> None:
             "the file of these poses is not what the model was fitted to; ",
         ),
         (Notice(NoticeKind.OTHER_EFFECTS, ("own.py", "m.toml")), "own.py is not the file that m.toml was fitted with"),
-        (Notice(NoticeKind.OTHER_PRIOR, ("printed",)), "the model was fitted with the prior 'printed'; the diagnosis and"),
+        (Notice(NoticeKind.OTHER_PRIOR, ("printed",)), "the model was fitted with the prior 'printed'; the diagnosis"),
         (
             Notice(NoticeKind.DIMENSIONS_HELD, ("a", "b")),
             "2 offsets and compliances that the model's fit held",
