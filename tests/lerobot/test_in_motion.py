@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,47 +21,17 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
 from lrm_math.motion.base import JointDrive
-from lrm_math.motion.motion_model import MotionModel, effect_of
+from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.simulation import simulate
 from tests.doors.lerobot_classes import plug_in
 from tests.doors.servos_door import MODEL
 from tests.support.motion_models import write_motion_model
-from validation.lerobot_robot.in_motion import hidden_arm, tracking
-from validation.motion.world import TrueJoints, hand
+from validation.lerobot_robot.in_motion import hidden_arm, known_motion, motion_of, tracking
+from validation.motion.world import hand
 
 ARM = load_arm("so101")
 NOMINAL = model_of(ARM, ())
 PATHS = st.lists(st.lists(st.floats(-0.8, 0.8), min_size=5, max_size=5), min_size=1, max_size=12).map(np.array)
-
-
-def motion_of(**joints: Mapping[str, float]) -> MotionModel:
-    """A model of motion with effects at joints: values by `id.parameter`, those of the servo too."""
-    model = MotionModel.nominal(ARM)
-    for place, given_values in joints.items():
-        kinds = dict.fromkeys(key.split(".")[0] for key in given_values)
-        number = ARM.joint_names.index(place)
-        own = {effect.id: effect for effect in model.of_joint(number)}
-        effects = [*own.values(), *(effect_of(ARM, f"{kind}@{place}") for kind in kinds if kind not in own)]
-        values = {key: value for key, value in model.values.items() if key.split(".")[1] == place}
-        values |= {f"{key.split('.')[0]}.{place}.{key.split('.')[1]}": value for key, value in given_values.items()}
-        model = model.with_joint(effects, values, {})
-    return model
-
-
-def true_motion(hidden: TrueJoints) -> MotionModel:
-    """The model of motion whose values are a hidden arm's."""
-    return motion_of(
-        **{
-            place: {
-                "servo_response.frequency_Hz": float(hidden.frequency_hz[j]),
-                "servo_response.damping_ratio": float(hidden.damping[j]),
-                "dead_time.t_s": float(hidden.dead_time[j]),
-                "coulomb_friction.c_rad": float(hidden.friction[j]),
-                "motion_play.b_rad": float(hidden.play[j]),
-            }
-            for j, place in enumerate(ARM.joint_names)
-        }
-    )
 
 
 RUBBING = motion_of(joint2={"dead_time.t_s": 0.05, "coulomb_friction.c_rad": 0.02, "motion_play.b_rad": 0.01})
@@ -94,7 +63,7 @@ def sent(arm: CorrectedArm, wishes: Array, announced: Array | None = None) -> Ar
 def test_a_hidden_arm_stops_and_follows_nearer_to_the_requests() -> None:
     rng = np.random.default_rng([64, 100])
     hidden = hidden_arm(rng)
-    found = tracking(hidden, true_motion(hidden), hand(rng)[:240], rng)
+    found = tracking(hidden, known_motion(hidden), hand(rng)[:240], rng)
     assert found.at_stops["corrected"] < 0.6 * found.at_stops["requests"]
     assert found.everywhere["corrected"] < found.everywhere["requests"]
     assert found.everywhere["announced"] < 0.2 * found.everywhere["requests"]

@@ -1,33 +1,35 @@
-"""What the plug-in makes of a motion model: `python -m validation.lerobot_robot.in_motion [--seed N] [--arms N]`.
+"""What the plug-in makes of a motion model: `python -m validation.lerobot_robot.in_motion [--arms N] [--off SHARE]`.
 
-A hidden SO-101 (`validation.motion.world`) with dead time, friction and play in its joints is recorded once, and a
-motion model with these effects is fitted to that. Then it follows another hand: by the requests themselves, by the
-plug-in's commands, and by those with the path announced.
+A hidden SO-101 (`validation.motion.world`) with dead time, friction and play in its joints follows a hand: by the
+requests themselves, by the plug-in's commands, and by those with the path announced. The motion model has the true
+values, or each is too large or too small by a share, at random.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
 from lerobot_robot_lrm.corrected_arm import CorrectedArm
 from lerobot_robot_lrm.correction import Correction
-from lrm_ident.measuring.motion.motion_study import MotionStudy
-from lrm_ident.measuring.motion.moves import moves_of
-from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
-from lrm_math.motion.motion_model import MotionModel
+from lrm_math.motion.motion_model import MotionModel, effect_of
 from validation.lerobot_dataset import FPS
-from validation.motion.world import JOINTS, TrueJoints, driven, hand, recorded
+from validation.motion.world import JOINTS, TrueJoints, driven, hand
 from validation.options import asked
 from validation.runner import run_cases
 
 WAYS = ("requests", "corrected", "announced")
+VALUES = (
+    "servo_response.frequency_Hz", "servo_response.damping_ratio", "dead_time.t_s", "coulomb_friction.c_rad",
+    "motion_play.b_rad",
+)  # fmt: skip
 STOPPED_FRAMES, STOPPED_RAD = 10, np.radians(0.5)
 """A request is at a stop where it stayed this near for so many frames."""
 
@@ -90,23 +92,32 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def fitted(hidden: TrueJoints, rng: np.random.Generator) -> MotionModel:
-    """A model of motion of one recording, with the effects that the arm has."""
-    made = recorded([hidden], rng)[0]
-    frames = LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode)
-    study = MotionStudy.of(moves_of(frames, load_arm("so101"), Path("made"))).fit()
-    there = {"dead_time": hidden.dead_time, "coulomb_friction": hidden.friction, "motion_play": hidden.play}
-    for effect, sizes in there.items():
-        for joint in np.flatnonzero(sizes):
-            study = study.add(f"{effect}@joint{joint + 1}")
-    return study.model
+def motion_of(**joints: Mapping[str, float]) -> MotionModel:
+    """A model of motion with effects at joints: values by `id.parameter`, those of the servo too."""
+    model = MotionModel.nominal(load_arm("so101"))
+    for place, stated in joints.items():
+        kinds = dict.fromkeys(key.split(".")[0] for key in stated)
+        own = {effect.id: effect for effect in model.of_joint(joint_number(place))}
+        effects = [*own.values(), *(effect_of(model.arm, f"{kind}@{place}") for kind in kinds if kind not in own)]
+        values = {key: value for key, value in model.values.items() if key.split(".")[1] == place}
+        values |= {f"{key.split('.')[0]}.{place}.{key.split('.')[1]}": value for key, value in stated.items()}
+        model = model.with_joint(effects, values, {})
+    return model
 
 
-def examined(seed: int) -> TrackingErrors:
-    """Of the arm of a seed."""
+def known_motion(hidden: TrueJoints, off: Array | None = None) -> MotionModel:
+    """The model of motion with a hidden arm's values; `off`: (5, 5), factors of each joint's, if not the true ones."""
+    sizes = (hidden.frequency_hz, hidden.damping, hidden.dead_time, hidden.friction, hidden.play)
+    values = np.array(sizes).T * (1.0 if off is None else off)
+    return motion_of(**{f"joint{j + 1}": dict(zip(VALUES, row.tolist(), strict=True)) for j, row in enumerate(values)})
+
+
+def examined(share: float, seed: int) -> TrackingErrors:
+    """Of the arm of a seed, by a model whose values are off by a share."""
     rng = np.random.default_rng([64, seed])
-    hidden = hidden_arm(rng)
-    return tracking(hidden, fitted(hidden, rng), hand(rng), rng)
+    hidden, wishes = hidden_arm(rng), hand(rng)
+    off = 1.0 + share * rng.choice([-1.0, 1.0], (JOINTS, len(VALUES)))
+    return tracking(hidden, known_motion(hidden, off), wishes, rng)
 
 
 def _line(_key: str, one: TrackingErrors) -> str:
@@ -119,9 +130,9 @@ def _line(_key: str, one: TrackingErrors) -> str:
 
 def main() -> None:
     """Prints a line for each arm."""
-    chosen = asked(__doc__, seed=0, arms=3)
-    seeds = {str(seed): seed for seed in range(chosen.seed, chosen.seed + chosen.arms)}
-    for key, one in run_cases(seeds, examined, _line).items():
+    chosen = asked(__doc__, arms=5, off=(0.0, "share by which the model's values are off"))
+    seeds = {str(seed): seed for seed in range(chosen.arms)}
+    for key, one in run_cases(seeds, partial(examined, chosen.off), _line).items():
         print(f"seed {key}: {_line(key, one)}")
 
 
