@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
+BY = "<-"
+"""Between a joint and the one that turns it."""
+
 
 def turned_by(joint: str, other: str) -> str:
     """The place of a joint that another one turns: `joint3<-joint2`."""
-    return f"{joint}<-{other}"
+    return f"{joint}{BY}{other}"
 
 
 def both(joint: str, other: str) -> str:

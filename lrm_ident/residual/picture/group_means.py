@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, levels
 from lrm_ident.residual.gravity_loads import AXES, LOCAL, loaded_slots
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
-from lrm_math.arm.place_names import joint_numbers
+from lrm_math.arm.place_names import BY, joint_numbers
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.targets import Kind as Target
@@ -42,9 +42,8 @@ def explained_by_means(turns: Array, lever: Array, values: Array) -> Array:
 
 
 def joints_of(place: str, dof: int) -> Sequence[int]:
-    """Numbers, from 0, of the joints whose turn may show an effect: that of its place, or all."""
-    number = place.removeprefix("joint")
-    return [int(number) - 1] if number.isdigit() else range(dof)
+    """Numbers, from 0, of the joints whose turn may show an effect: those of its place that it turns, or all."""
+    return joint_numbers(place.partition(BY)[0]) or range(dof)
 
 
 def shown_most(
@@ -85,7 +84,7 @@ def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
     if kind_of(effect) is Target.FRAME and "time" not in effect.depends_on:
         return [one for one in known if one.kind in AXES] or known
     kinds = {kind for what in effect.depends_on for kind in FOLLOWED.get(what, ())}
-    own = joint_numbers(effect.place)
+    own = joint_numbers(effect.place.partition(BY)[2] or effect.place)  # of a coupling the joint that turns another
     joints = {None, *(own or range(effect.arm.dof))}
     found = [one for one in known if one.kind in kinds and one.joint in joints]
     found += [one for one in known if one.slot in loaded_slots(effect)]

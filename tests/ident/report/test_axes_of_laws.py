@@ -27,6 +27,7 @@ KINDS: tuple[Kind, ...] = ("angle", "motion")
         ("friction_curve@joint2", ["last motion of joint 2", "torque of joint 2"]),
         ("servo_gain@joint1", ["angle of joint 1"]),
         ("cable_curve@joint1+joint2", ["angle of joint 1", "angle of joint 2"]),
+        ("coupling_curve@joint2<-joint3", ["angle of joint 3"]),
         ("drift@base", ["order of measurement"]),
         ("compliance@joint2", ["torque of joint 2"]),
         ("base_curve@base", [f"moment on the base about {axis}" for axis in "xyz"]),
