@@ -2,45 +2,53 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from lrm_ident.residual.covariates import Covariate, Kind
+from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
+from lrm_math.kinematics.chain import Slot
 from lrm_math.model.equilibrium import Equilibrium
 
 AXES: tuple[Kind, ...] = ("x", "y", "z")
 LOCAL: tuple[Kind, ...] = ("moment", "thrust", *AXES)
 """Kinds of covariates that only effects which follow them are drawn against."""
-BENT = re.compile(r"(?:base|tool)\.(?:alpha|beta|gamma)|link\d+\.[xy]")
-THRUST = re.compile(r"joint(\d+)\.d")
-NODE = re.compile(r"\.(?:near|far)_")
-"""In the key of a slot at the end of a link, whose moment is nearly that in the middle."""
-COMPLIANCE = re.compile(r"rad_per_Nm(\d?)")
+ENDS = "near_", "far_"
+"""In the name of a slot at the end of a link, whose moment is nearly that in the middle."""
+POWERS = {"rad_per_Nm": 1, "rad_per_Nm2": 2, "rad_per_Nm3": 3}
 """Unit of what a load makes a turn of, and the power of the load."""
 
 
 def local_covariates(rest: Equilibrium) -> tuple[Covariate, ...]:
     """What only some effects follow: moments on base, links, tool; forces along joints; the tip's position."""
-    index = rest.model.chain.index
-    slots = sorted((key for key in index if BENT.fullmatch(key) or THRUST.fullmatch(key)), key=index.__getitem__)
-    loads = rest.loads_on([index[key] for key in slots]).T
+    slots = [(k, slot) for k, slot in enumerate(rest.model.chain.slots) if _bent(slot) or _thrust(slot)]
+    loads = rest.loads_on([k for k, _ in slots]).T
     tip = (Covariate(axis, values) for axis, values in zip(AXES, rest.tcp.T, strict=True))
-    every = (*(_load(key, load) for key, load in zip(slots, loads, strict=True)), *tip)
+    every = (*(_load(slot, load) for (_, slot), load in zip(slots, loads, strict=True)), *tip)
     return tuple(one for one in every if np.ptp(one.values) > 0.0)
 
 
-def _load(slot: str, values: Array) -> Covariate:
-    if joint := THRUST.fullmatch(slot):
-        return Covariate("thrust", values, int(joint[1]) - 1, slot)
-    return Covariate("moment", values, slot=slot)
+def _bent(slot: Slot) -> bool:
+    """Whether it is a turn of base, tool, or the middle of a link."""
+    return slot.rotates and not slot.place.startswith("joint") and not slot.name.startswith(ENDS)
+
+
+def _thrust(slot: Slot) -> bool:
+    """Whether it is a shift along a joint's axis."""
+    return slot.place.startswith("joint") and slot.name == "d"
+
+
+def _load(slot: Slot, values: Array) -> Covariate:
+    if _thrust(slot):
+        return Covariate("thrust", values, joint_number(slot.place), slot.key)
+    return Covariate("moment", values, slot=slot.key)
 
 
 def loaded_slots(effect: Effect) -> tuple[str, ...]:
     """Keys of the slots whose loads an effect follows; of a link's ends, that of its middle."""
-    return tuple(dict.fromkeys(NODE.sub(".", key) for key in effect.load_slots))
+    places = (key.split(".", 1) for key in effect.load_slots)
+    return tuple(dict.fromkeys(f"{place}.{name.removeprefix('near_').removeprefix('far_')}" for place, name in places))
 
 
 def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
@@ -49,7 +57,7 @@ def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
     Of a quadratic or cubic compliance it is the square or cube of that load.
     """
     index = rest.model.chain.index
-    powers = {p.name: int(found[1] or 1) for p in effect.parameters if (found := COMPLIANCE.fullmatch(p.unit))}
+    powers = {p.name: POWERS[p.unit] for p in effect.parameters if p.unit in POWERS}
     slots = [index[key] for key in loaded_slots(effect) or (f"{effect.place}.theta",) if key in index]
     # one compliance is of all slots together; several are one of each, of both ends of a link, or all of one joint
     groups = [sorted(slots)] if len(powers) == 1 else [[slot] for slot in slots] * len(powers)
