@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import sys
@@ -12,7 +13,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from validation.commit import COMMIT, ROOT
-from validation.runner import json_text
 
 FOLDER = ROOT / "docs" / "proofs"
 SCHEMA = "lrm/proof/1"
@@ -38,10 +38,15 @@ def computed(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> ProofR
 
 
 def write(path: Path, result: ProofResult) -> None:
-    """Writes the file, and makes its folder."""
+    """Writes the file, and makes its folder; a number that JSON lacks is null. Needs the standard library alone."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json_text({"schema": SCHEMA, **asdict(result)}), "utf-8")
+    values = {"schema": SCHEMA, **asdict(result), "rows": [[*map(_finite, row)] for row in result.rows]}
+    path.write_text(json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8")
     print(f"{path.name}: {len(result.rows)} rows")
+
+
+def _finite(cell: object) -> object:
+    return None if isinstance(cell, float) and not math.isfinite(cell) else cell
 
 
 def read(path: Path) -> ProofResult:
