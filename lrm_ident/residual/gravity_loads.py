@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from lrm_ident.residual.covariates import Covariate, Kind
+from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.equilibrium import Equilibrium
@@ -14,33 +13,36 @@ from lrm_math.model.equilibrium import Equilibrium
 AXES: tuple[Kind, ...] = ("x", "y", "z")
 LOCAL: tuple[Kind, ...] = ("moment", "thrust", *AXES)
 """Kinds of covariates that only effects which follow them are drawn against."""
-BENT = re.compile(r"(?:base|tool)\.(?:alpha|beta|gamma)|link\d+\.[xy]")
-THRUST = re.compile(r"joint(\d+)\.d")
-NODE = re.compile(r"\.(?:near|far)_")
-"""In the key of a slot at the end of a link, whose moment is nearly that in the middle."""
-COMPLIANCE = re.compile(r"rad_per_Nm(\d?)")
-"""Unit of what a load makes a turn of, and the power of the load."""
+TURNS = {"base": ("alpha", "beta", "gamma"), "tool": ("alpha", "beta", "gamma"), "link": ("x", "y"), "joint": ("d",)}
+"""What gravity loads beside the joints' torques: the slots of each kind of place."""
+POWERS = {"rad_per_Nm": 1, "rad_per_Nm2": 2, "rad_per_Nm3": 3}
+"""Units of what a load makes a turn of, and the power of the load."""
 
 
 def local_covariates(rest: Equilibrium) -> tuple[Covariate, ...]:
     """What only some effects follow: moments on base, links, tool; forces along joints; the tip's position."""
     index = rest.model.chain.index
-    slots = sorted((key for key in index if BENT.fullmatch(key) or THRUST.fullmatch(key)), key=index.__getitem__)
+    slots = sorted(filter(_is_local, index), key=index.__getitem__)
     loads = rest.loads_on([index[key] for key in slots]).T
     tip = (Covariate(axis, values) for axis, values in zip(AXES, rest.tcp.T, strict=True))
     every = (*(_load(key, load) for key, load in zip(slots, loads, strict=True)), *tip)
     return tuple(one for one in every if np.ptp(one.values) > 0.0)
 
 
+def _is_local(slot: str) -> bool:
+    place, _, name = slot.partition(".")
+    return name in TURNS.get(place.rstrip("0123456789"), ())
+
+
 def _load(slot: str, values: Array) -> Covariate:
-    if joint := THRUST.fullmatch(slot):
-        return Covariate("thrust", values, int(joint[1]) - 1, slot)
+    if joints := joint_numbers(slot):
+        return Covariate("thrust", values, joints[0], slot)
     return Covariate("moment", values, slot=slot)
 
 
 def loaded_slots(effect: Effect) -> tuple[str, ...]:
     """Keys of the slots whose loads an effect follows; of a link's ends, that of its middle."""
-    return tuple(dict.fromkeys(NODE.sub(".", key) for key in effect.load_slots))
+    return tuple(dict.fromkeys(key.replace(".near_", ".").replace(".far_", ".") for key in effect.load_slots))
 
 
 def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
@@ -49,7 +51,7 @@ def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
     Of a quadratic or cubic compliance it is the square or cube of that load.
     """
     index = rest.model.chain.index
-    powers = {p.name: int(found[1] or 1) for p in effect.parameters if (found := COMPLIANCE.fullmatch(p.unit))}
+    powers = {p.name: POWERS[p.unit] for p in effect.parameters if p.unit in POWERS}
     slots = [index[key] for key in loaded_slots(effect) or (f"{effect.place}.theta",) if key in index]
     # one compliance is of all slots together; several are one of each, of both ends of a link, or all of one joint
     groups = [sorted(slots)] if len(powers) == 1 else [[slot] for slot in slots] * len(powers)
