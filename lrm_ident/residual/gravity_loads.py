@@ -47,8 +47,7 @@ def _load(slot: Slot, values: Array) -> Covariate:
 
 def loaded_slots(effect: Effect) -> tuple[str, ...]:
     """Keys of the slots whose loads an effect follows; of a link's ends, that of its middle."""
-    places = (key.split(".", 1) for key in effect.load_slots)
-    return tuple(dict.fromkeys(f"{place}.{name.removeprefix('near_').removeprefix('far_')}" for place, name in places))
+    return tuple(dict.fromkeys(key.replace(".near_", ".").replace(".far_", ".") for key in effect.load_slots))
 
 
 def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
