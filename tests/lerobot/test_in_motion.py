@@ -34,7 +34,9 @@ NOMINAL = model_of(ARM, ())
 PATHS = st.lists(st.lists(st.floats(-0.8, 0.8), min_size=5, max_size=5), min_size=1, max_size=12).map(np.array)
 
 
-RUBBING = motion_of(joint2={"dead_time.t_s": 0.05, "coulomb_friction.c_rad": 0.02, "motion_play.b_rad": 0.01})
+RUBBING = motion_of(
+    {"dead_time.joint2.t_s": 0.05, "coulomb_friction.joint2.c_rad": 0.02, "motion_play.joint2.b_rad": 0.01}
+)
 
 
 def arm_in_motion(motion: MotionModel | None = RUBBING) -> CorrectedArm:
@@ -96,13 +98,13 @@ def test_nothing_moves_while_the_requests_stand_still() -> None:
 
 def test_without_an_announced_path_no_command_leads_its_request() -> None:
     wishes = np.linspace([0.0] * 5, [0.5, 0.5, -0.5, 0.5, 0.5], 40)
-    late_only = motion_of(joint2={"dead_time.t_s": 0.05})
+    late_only = motion_of({"dead_time.joint2.t_s": 0.05})
     np.testing.assert_allclose(sent(arm_in_motion(late_only), wishes), wishes, atol=1e-9)
     np.testing.assert_allclose(sent(arm_in_motion(None), wishes), wishes, atol=1e-9)
 
 
 def test_a_lead_ends_with_the_first_action_that_is_another(caplog: pytest.LogCaptureFixture) -> None:
-    arm, path = arm_in_motion(motion_of()), np.linspace([0.0] * 5, [0.6] * 5, 30)
+    arm, path = arm_in_motion(motion_of({})), np.linspace([0.0] * 5, [0.6] * 5, 30)
     other = np.concatenate([path[:10], np.tile(path[9], (3, 1))])
     with caplog.at_level(logging.WARNING):
         commands = sent(arm, other, path)
@@ -145,8 +147,9 @@ def test_friction_that_the_model_of_poses_has_already_counts_once() -> None:
 
 @pytest.mark.parametrize("lead", [0.0, 0.02])
 def test_the_delay_is_that_of_a_slow_ramp(lead: float) -> None:
-    values = {"servo_response.frequency_Hz": 4.0, "servo_response.damping_ratio": 0.9, "dead_time.t_s": 0.05}
-    model = motion_of(joint2=values | ({"velocity_feedforward.t_s": lead} if lead else {}))
+    servo = {"servo_response.joint2.frequency_Hz": 4.0, "servo_response.joint2.damping_ratio": 0.9}
+    values = servo | {"dead_time.joint2.t_s": 0.05}
+    model = motion_of(values | ({"velocity_feedforward.joint2.t_s": lead} if lead else {}))
     effects, h, rate = model.of_joint(1), 0.002, 0.2
     ramp: Array = rate * h * np.arange(1500.0)[:, None]
     none: Array = np.zeros_like(ramp)
@@ -157,7 +160,7 @@ def test_the_delay_is_that_of_a_slow_ramp(lead: float) -> None:
 
 def test_processor_steps_take_a_model_of_motion_and_announced_actions(tmp_path: Any) -> None:
     (model := tmp_path / "model.toml").write_text(MODEL)
-    motion = write_motion_model(motion_of(joint1={"dead_time.t_s": 0.1}), tmp_path / "motion.toml")
+    motion = write_motion_model(motion_of({"dead_time.joint1.t_s": 0.1}), tmp_path / "motion.toml")
     steps = plug_in("processor")
     plain, step = steps.CalibratedAction(str(model)), steps.CalibratedAction(str(model), motion=str(motion))
     assert step.get_config()["motion"] == str(motion)

@@ -18,6 +18,7 @@ from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from validation.lerobot_dataset import FPS
@@ -27,8 +28,8 @@ from validation.runner import run_cases
 
 WAYS = ("requests", "corrected", "announced")
 VALUES = (
-    "servo_response.frequency_Hz", "servo_response.damping_ratio", "dead_time.t_s", "coulomb_friction.c_rad",
-    "motion_play.b_rad",
+    ("servo_response", "frequency_Hz"), ("servo_response", "damping_ratio"), ("dead_time", "t_s"),
+    ("coulomb_friction", "c_rad"), ("motion_play", "b_rad"),
 )  # fmt: skip
 STOPPED_FRAMES, STOPPED_RAD = 10, np.radians(0.5)
 """A request is at a stop where it stayed this near for so many frames."""
@@ -92,16 +93,16 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def motion_of(**joints: Mapping[str, float]) -> MotionModel:
-    """A model of motion with effects at joints: values by `id.parameter`, those of the servo too."""
+def motion_of(stated: Mapping[str, float]) -> MotionModel:
+    """A model of motion of an SO-101 with effects at its joints, by the values of parameters, those of servos too."""
     model = MotionModel.nominal(load_arm("so101"))
-    for place, stated in joints.items():
-        kinds = dict.fromkeys(key.split(".")[0] for key in stated)
-        own = {effect.id: effect for effect in model.of_joint(joint_number(place))}
-        effects = [*own.values(), *(effect_of(model.arm, f"{kind}@{place}") for kind in kinds if kind not in own)]
-        values = {key: value for key, value in model.values.items() if key.split(".")[1] == place}
-        values |= {f"{key.split('.')[0]}.{place}.{key.split('.')[1]}": value for key, value in stated.items()}
-        model = model.with_joint(effects, values, {})
+    for place in sorted({ParameterRef.parse(key).place for key in stated}):
+        here = {key: value for key, value in stated.items() if ParameterRef.parse(key).place == place}
+        own = model.of_joint(joint_number(place))
+        names = dict.fromkeys(str(ParameterRef.parse(key).effect) for key in here)
+        more = (effect_of(model.arm, name) for name in names if name not in {effect.name for effect in own})
+        values = {key: value for key, value in model.values.items() if ParameterRef.parse(key).place == place}
+        model = model.with_joint([*own, *more], values | here, {})
     return model
 
 
@@ -109,7 +110,12 @@ def known_motion(hidden: TrueJoints, off: Array | None = None) -> MotionModel:
     """The model of motion with a hidden arm's values; `off`: (5, 5), factors of each joint's, if not the true ones."""
     sizes = (hidden.frequency_hz, hidden.damping, hidden.dead_time, hidden.friction, hidden.play)
     values = np.array(sizes).T * (1.0 if off is None else off)
-    return motion_of(**{f"joint{j + 1}": dict(zip(VALUES, row.tolist(), strict=True)) for j, row in enumerate(values)})
+    stated = {
+        str(ParameterRef(kind, f"joint{j}", name)): value
+        for j, row in enumerate(values.tolist(), 1)
+        for (kind, name), value in zip(VALUES, row, strict=True)
+    }
+    return motion_of(stated)
 
 
 def examined(share: float, seed: int) -> TrackingErrors:

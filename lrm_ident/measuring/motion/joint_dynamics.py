@@ -21,6 +21,7 @@ from lrm_ident.data.robot_files.mjcf import HARDEST, LED, add_play, angle_unit, 
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
 from lrm_ident.data.wording import joint_labels
+from lrm_math.effects.reference import EffectRef
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
 from lrm_math.motion.effects import CoulombFriction, GravitySag, MotionPlay, RestOffset, ServoResponse
@@ -87,7 +88,7 @@ def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Mo
     else:
         changed = _in_mjcf(root, found)
         held = _play_in_mjcf(root, motion)
-        led = {f"{MotionPlay.id}@{place}" for place in led_places(motion.arm)}
+        led = {str(EffectRef(MotionPlay.id, place)) for place in led_places(motion.arm)}
         left_out = tuple(f"{name} ({LED})" if name in led else name for name in left_out if name not in held)
     missing = tuple(f"dynamics of {name} (no joint of that name)" for name in found if name not in set(changed))
     text = ElementTree.tostring(root, encoding="unicode") + "\n"
