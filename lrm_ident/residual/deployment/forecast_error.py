@@ -4,8 +4,8 @@ A cross-validation interpolates in time, and what a rover asks for comes later. 
 predicted as deployed by a fit to the first half (predictive failure: Chow 1960; fixed origin: Tashman 2000), and once
 more by fits to every other pose of the whole, which are as many. Each error counts over what its fit expects, since a
 law is known less well from its beginning than from all of it. Where the forecast is surely worse, the arm changes in a
-way that the model does not state, and the error to expect is that of as many poses after the last one (`CARRIED_ON`).
-Nothing tests what comes after those.
+way that the model does not state, and the error to expect is that of the forecast. It holds for about as long after the
+measurement as half of it lasted; nothing tests what comes after that.
 """
 
 from __future__ import annotations
@@ -37,18 +37,14 @@ from lrm_math.model.model import Model
 
 MOST_POSES = 1000
 """Poses that are fitted, evenly spread: a bound on time."""
-CARRIED_ON = 2.0
-"""By how much of (forecast − prediction from all around) the error of a pose grows where it comes half a session later.
-A change at a constant rate is a quarter of a session further from the middle of the first half than from that of the
-whole, and goes on by half a session."""
 SURELY = NormalDist().inv_cdf(1.0 - NOT_NOISE)
 """Standard errors by which a forecast must be worse: the level of the verdict that it contradicts."""
 
 
 @dataclass(frozen=True)
 class ForecastError:
-    """Errors to expect as deployed after the last pose, where later poses are predicted surely worse from those before
-    them than from all around; None: they are not.
+    """Errors of later poses as deployed, predicted from those before them, where these are surely worse than of poses
+    predicted from all around; None: they are not.
 
     `followed`: where the time since power-on and what the arm did before are known. `unknown`: where neither is.
     """
@@ -101,24 +97,16 @@ def forecast_error(model: Model, data: Measurements, loss: Loss, prior: Prior | 
         return ForecastError()
     noise = float(np.mean([each.sigma for each in around]))
     later = np.argsort(np.concatenate([rows[1::2], rows[::2]]))[begin:]
-    on = 1.0 if _keeps_last_state(model) else CARRIED_ON
 
     def if_worse(forecasts: Array, others: Sequence[Array]) -> ErrorStats | None:
-        squares = np.concatenate([each.squares(one, noise) for each, one in zip(around, others, strict=True)])
-        z = paired_z(squares[later], forecast.squares(forecasts, noise))
-        among = np.concatenate(others)[later]
-        return error_stats(among + on * (forecasts - among)) if z > SURELY else None
+        among = np.concatenate([each.squares(one, noise) for each, one in zip(around, others, strict=True)])
+        z = paired_z(among[later], forecast.squares(forecasts, noise))
+        return error_stats(forecasts) if z > SURELY else None
 
     return ForecastError(
         if_worse(forecast.followed, [each.followed for each in around]),
         if_worse(forecast.unknown, [each.unknown for each in around]),
     )
-
-
-def _keeps_last_state(model: Model) -> bool:
-    """Whether the deployed model starts from the end of its session, as a forecast does; else from the middle."""
-    state = model.state
-    return state is not None and ("last" in state.carried.values() or bool(state.warming or state.memory))
 
 
 def _origin(model: Model, data: Measurements) -> int:
