@@ -12,7 +12,6 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, time_unknown_residual
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.forecast_error import ForecastError
-from lrm_ident.residual.deployment.grown_error import row_since_error_grew
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -26,9 +25,8 @@ class DeployedError:
     """Held-out error of a model `as_deployed`.
 
     Attributes:
-        now: at the poses where the state that is deployed held (`rows_as_deployed`); where their error grew in the
-            session, of those since then (`row_since_error_grew`).
-        otherwise: at the others, such as of a colder arm; None where there are none.
+        now: at the poses where the state that is deployed held (`rows_as_deployed`).
+        otherwise: at the others, such as of a colder arm; None where the state held at all.
         time_unknown: where neither the time since power-on is known nor what the arm did before; None: nothing of the
             model follows them.
         state: what the deployed model keeps of its session; None: nothing.
@@ -53,9 +51,8 @@ class DeployedError:
             later: error of later poses, where it is worse than of those among the measured ones: it counts then.
             left_out: (M, 3), m, residual at poses that its fits left out although the arm errs there: it counts.
         """
-        kept = deployed_residual(blocks)
         rows = rows_as_deployed(model, poses)
-        rows = rows[row_since_error_grew(poses.take(rows), (kept[rows] ** 2).sum(axis=1)) :]
+        kept = deployed_residual(blocks)
         error = cls.of_residual(np.concatenate([kept, left_out]), np.append(rows, len(kept) + np.arange(len(left_out))))
         unknown = time_unknown_residual(blocks)
         restarted = None
