@@ -121,10 +121,11 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     if fit.stated is not None:  # a prior holds the parameters that the poses do not determine
         few, count = int((fit.told < MOSTLY_TOLD).sum()), len(fit.told)
         blocks.append(f"The poses determine {count - few} of {count} parameters; {few} stay near their typical sizes.")
+    table = parameter_table(fit)
     details: list[Block] = [
-        parameter_table(fit),
+        table,
         *([] if fit.stated is None else [FROM_DATA]),
-        USUAL_LOAD,
+        *([USUAL_LOAD] if USUAL in table.columns else []),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
         *section("Outliers:", (f"pose {pose}: {in_mm(error * 1e-3)} mm" for pose, error in outliers)),
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.residual.covariates import Covariate, Kind
+from lrm_ident.residual.covariates import CONSTANT, Covariate, Kind
 from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
@@ -26,7 +26,7 @@ def local_covariates(rest: Equilibrium) -> tuple[Covariate, ...]:
     loads = rest.loads_on([k for k, _ in slots]).T
     tip = (Covariate(axis, values) for axis, values in zip(AXES, rest.tcp.T, strict=True))
     every = (*(_load(slot, load) for (_, slot), load in zip(slots, loads, strict=True)), *tip)
-    return tuple(one for one in every if np.ptp(one.values) > 0.0)
+    return tuple(one for one in every if np.ptp(one.values) > CONSTANT)
 
 
 def _bent(slot: Slot) -> bool:
@@ -61,4 +61,5 @@ def usual_turns(effect: Effect, rest: Equilibrium) -> dict[str, float]:
     # one compliance is of all slots together; several are one of each, of both ends of a link, or all of one joint
     groups = [sorted(slots)] if len(powers) == 1 else [[slot] for slot in slots] * len(powers)
     loads = [float(np.sqrt(np.mean((rest.loads_on(group) ** 2).sum(axis=1)))) for group in groups if group]
-    return {name: load**power for (name, power), load in zip(powers.items(), loads, strict=False) if load}
+    turns = zip(powers.items(), loads, strict=False)
+    return {name: load**power for (name, power), load in turns if load > CONSTANT}

@@ -85,6 +85,10 @@ class Positions(Observation):
             yield f"{name} is {mm:.3g} mm: no tracker is so exact; were it in metres, it would be {mm * 1e3:.3g} mm"
         if self.sd is not None and self.noise_sd is not None:
             yield "noise_sd_mm of the file beside the data is not used: column sd_mm says the noise of each position"
+        yield from self.rounding_doubts()
+
+    def rounding_doubts(self) -> Iterator[str]:
+        """Readings that are rounded to more than the noise."""
         sd, whose = self.weighed().rms_sd, "that a tracker has" if self.weighed().rms_sd is None else "that is stated"
         noise = TRACKERS if sd is None else float(np.nanmedian(sd))
         errs = {axis: rounding_step(of) / math.sqrt(12.0) for axis, of in zip(POSITION, self.values.T, strict=True)}

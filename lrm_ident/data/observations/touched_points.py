@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +42,10 @@ class TouchedPoints(Positions):
 
     frames: tuple[TouchedFrame, ...] = ()
     words = "touched points"
+
+    def rounding_doubts(self) -> Iterator[str]:
+        """None: their places on the board are drawn, not read."""
+        return iter(())
 
     def set_up(self, model: Model, poses: Poses, source: Source) -> Model:
         """Where what was touched stood; as it is where it was fitted to these.

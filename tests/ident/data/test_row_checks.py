@@ -20,6 +20,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.observations.encoder_readings import EncoderReadings
 from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.observations.positions import Positions, rounding_step
+from lrm_ident.data.observations.touched_points import TouchedPoints
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.source import Source
@@ -200,6 +201,13 @@ def test_positions_that_were_rounded_are_said(step: float, axes: str, stated: fl
     words = [*Positions(values, noise_sd=noise).doubts(load_arm("lrm-lab"))]
     assert len(words) == bool(said)
     assert all(said in one for one in words)
+
+
+def test_points_of_a_drilled_grid_are_drawn_not_rounded() -> None:
+    """Before: "write more digits" of places that nobody read."""
+    grid = 0.02 * np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
+    assert [*TouchedPoints(grid).doubts(load_arm("lrm-lab"))] == []
+    assert len([*Positions(grid).doubts(load_arm("lrm-lab"))]) == 1
 
 
 def test_few_readings_show_no_step_and_a_step_may_begin_anywhere() -> None:

@@ -11,6 +11,7 @@ from lrm_ident.residual.covariates import Covariate, Kind
 from lrm_ident.residual.gravity_loads import LOCAL, local_covariates, usual_turns
 from lrm_ident.residual.picture.group_means import of_law
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -70,3 +71,11 @@ def test_a_compliance_is_the_angle_of_the_usual_load(lab: Arm, name: str, value:
     assert words[first.name].startswith(f"{angle:.3g}"[:3])
     assert words[first.name].endswith("°")
     assert stated(effect, words, turns).endswith("under the usual load")
+
+
+def test_round_off_is_no_load() -> None:
+    """Gravity does not turn a joint whose axis is vertical: its compliance keeps rad/Nm."""
+    arm, q = load_arm("so101"), np.random.default_rng(0).uniform(-1.0, 1.0, (9, 5))
+    rest = solve_equilibrium(model_of(arm, effects_at(arm, "compliance@joint2")), poses_of(q, 0.1))
+    assert np.abs(rest.joint_torque[:, 0]).max() < 1e-9 < np.abs(rest.joint_torque[:, 1]).max()
+    assert usual_turns(effects_at(arm, "compliance@joint1")[0], rest) == {}
