@@ -40,6 +40,7 @@ HIDDEN = (
 )
 POSES = 120
 CAN, IF_EXACT, CANNOT = "can be told", "can be told if the formula is exact", "cannot be told"
+TOLD, NOT_TOLD, LOST = "told", "not told", "the class has lost the truth"
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,12 @@ class Followed:
     after: tuple[str, ...]
 
     @property
-    def pairs(self) -> dict[str, tuple[str, bool]]:
-        """By each other cause of the class: what was said of telling it from the truth, and whether it was told."""
+    def pairs(self) -> dict[str, tuple[str, str]]:
+        """By each other cause of the class: what was said of telling it from the truth, and what came of it."""
         truth, *others = self.causes
         of = {one: [pair for pair in self.advice.pairs if {pair.there, pair.instead} == {truth, one}] for one in others}
-        return {one: (_said(pairs), one not in self.after) for one, pairs in of.items()}
+        left = {one: NOT_TOLD if one in self.after else TOLD for one in others}
+        return {one: (_said(pairs), left[one] if truth in self.after else LOST) for one, pairs in of.items()}
 
 
 def _said(pairs: Sequence[CausePair]) -> str:
@@ -97,7 +99,7 @@ def _diagnosed(case: Case, seed: int, q: Array, load: Array) -> DiagnosisReport:
 def main() -> None:
     """Prints each case, and the counts."""
     options = asked(__doc__, only=("", "only cases whose name contains one of these, by commas"), seeds=(2, "arms"))
-    counts: Counter[tuple[str, bool]] = Counter()
+    counts: Counter[tuple[str, str]] = Counter()
     for name in (name for name in HIDDEN if any(word in name for word in options.only.split(","))):
         for seed in range(options.seeds):
             levels = FIVE_LEVELS_DEG if seed % 2 else THREE_LEVELS_DEG
@@ -107,10 +109,10 @@ def main() -> None:
                 continue
             for other, (said, was) in found.pairs.items():
                 counts[said, was] += 1
-                print(f"{name} {seed}: {found.causes[0]} from {other}: {said}, {'told' if was else 'not told'}")
+                print(f"{name} {seed}: {found.causes[0]} from {other}: {said}, {was}")
             print(f"  after: {', '.join(found.after) or 'none'}; {advice_sentence(found.advice)}", flush=True)
     for (said, was), count in sorted(counts.items()):
-        print(f"{count:4d} pairs: {said}; {'told' if was else 'not told'} afterwards")
+        print(f"{count:4d} pairs: {said}; afterwards {was}")
 
 
 if __name__ == "__main__":
