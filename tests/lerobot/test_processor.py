@@ -72,9 +72,6 @@ def test_it_sends_and_observes_what_the_calibrated_robot_does(
     robot.connect()
     action, observation = plug_in("pipelines").calibrated_processors(beside, model, motion=deployed)
     action.reset()
-    if in_motion:
-        for one in (action.steps[0], robot):
-            one.announce([action_of(wish) for wish in wishes], 30.0)
     for wish in wishes:
         beside.send_action(action((action_of(wish), beside.get_observation())))
         robot.send_action(action_of(wish))

@@ -1,8 +1,8 @@
 """What the plug-in makes of a motion model: `python -m validation.lerobot_robot.in_motion [--arms N] [--off SHARE]`.
 
 A hidden SO-101 (`validation.motion.world`) with dead time, friction and play in its joints follows a hand: by the
-requests themselves, by the plug-in's commands, and by those with the path announced. The motion model has the true
-values, or each is too large or too small by a share, at random.
+requests themselves, and by the plug-in's commands. The motion model has the true values, or each is too large or too
+small by a share, at random.
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ from lrm_math.arrays import Array
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
-from validation.lerobot_dataset import FPS
 from validation.motion.world import JOINTS, TrueJoints, driven, hand
 from validation.options import asked
 from validation.runner import run_cases
 
-WAYS = ("requests", "corrected", "announced")
+WAYS = ("requests", "corrected")
 VALUES = (
     ("servo_response", "frequency_Hz"), ("servo_response", "damping_ratio"), ("dead_time", "t_s"),
     ("coulomb_friction", "c_rad"), ("motion_play", "b_rad"),
@@ -56,15 +55,13 @@ def hidden_arm(rng: np.random.Generator) -> TrueJoints:
     )  # fmt: skip
 
 
-def commands(motion: MotionModel, wishes: Array, announced: bool) -> Array:
+def commands(motion: MotionModel, wishes: Array) -> Array:
     """(N, n), rad, that the plug-in sends for requests (N, n), rad, of an arm whose poses have no error."""
     arm = CorrectedArm("none", Correction.of(model_of(motion.arm, ())).in_motion(motion))
     arm.scale, out = np.ones(motion.arm.dof), []
-    actions = [_action(arm, wish) for wish in wishes]
-    if announced:
-        arm.announce(actions, FPS)
-    for action in actions:
-        asked_for = arm.corrected(action, lambda: actions[0])
+    start = _action(arm, wishes[0])
+    for wish in wishes:
+        asked_for = arm.corrected(_action(arm, wish), lambda: start)
         arm.follow(asked_for, asked_for.action)
         out.append([asked_for.action[key] for key in arm.keys])
     return np.array(out)
@@ -76,8 +73,8 @@ def _action(arm: CorrectedArm, wish: Array) -> Mapping[str, float]:
 
 def tracking(hidden: TrueJoints, motion: MotionModel, wishes: Array, rng: np.random.Generator) -> TrackingErrors:
     """Errors of a hidden arm that follows requests (N, 5), rad, in each of the ways."""
-    told = {"requests": wishes} | {way: commands(motion, wishes, way == "announced") for way in WAYS[1:]}
-    made = driven([hidden] * len(WAYS), np.stack([told[way] for way in WAYS])[None], rng)
+    told = np.stack([wishes, commands(motion, wishes)])
+    made = driven([hidden] * len(WAYS), told[None], rng)
     off = {way: np.degrees(wishes) - one.state for way, one in zip(WAYS, made, strict=True)}
     frames = np.lib.stride_tricks.sliding_window_view(wishes, STOPPED_FRAMES, axis=0)
     stopped = np.ptp(frames, axis=-1) < STOPPED_RAD

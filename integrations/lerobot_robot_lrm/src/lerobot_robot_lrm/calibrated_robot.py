@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from lerobot.robots.robot import Robot
@@ -58,10 +58,6 @@ class CalibratedRobot(WrappedRobot):
         """Calibrates the wrapped robot's motors."""
         self.robot.calibrate()
         self._begin()
-
-    def announce(self, actions: Sequence[Mapping[str, Any]], fps: float) -> None:
-        """Takes down the next actions, `fps` a second, along which the joints are led, see `CorrectedArm.announce`."""
-        self.arm.announce(actions, fps)
 
     def get_observation(self) -> dict[str, Any]:
         """The wrapped robot's, its joints where the model says that they really are."""

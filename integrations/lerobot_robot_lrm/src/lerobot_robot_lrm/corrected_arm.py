@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
-from lerobot_robot_lrm.path_ahead import PathAhead
 from lrm_math.arm.standing import require_standing
 from lrm_math.arrays import Array
 from lrm_math.effects import marked
@@ -52,25 +51,12 @@ class CorrectedArm:
         self.scale: Array = np.empty(0)
         self.motion: Motion | None = None
         self._before: BoundedCommand | None = None
-        self._path: PathAhead | None = None
         self._told: set[str] = set()
         self._tell_what_is_left()
 
     def forget(self) -> None:
         """Begins a new motion with the next action."""
-        self.motion = self._before = self._path = None
-
-    def announce(self, actions: Sequence[Mapping[str, Any]], fps: float) -> None:
-        """Takes down the next actions, `fps` of them a second: each joint is led by its delay along this path.
-
-        It never goes beyond the path's end, and with the first action that is not the announced one the lead ends.
-        Raises `LrmError`: no model of motion is deployed, there are no actions, or one lacks a joint.
-        """
-        if self.correction.delay is None:
-            raise LrmError(f"{self.source}: no model of motion is deployed, so no delay is known; leave announce out")
-        if not actions or not 0.0 < fps < np.inf:
-            raise LrmError(f"{len(actions)} actions at {fps:g} a second are announced; should be some, at a known rate")
-        self._path = PathAhead(np.array([self._angles(action, "action") for action in actions]), 1.0 / fps)
+        self.motion = self._before = None
 
     def check_names(self, features: Mapping[str, Any], robot: str) -> None:
         """Raises `LrmError`: a robot's actions lack a joint of the model."""
@@ -90,20 +76,11 @@ class CorrectedArm:
 
         Raises `LrmError`: a joint is missing or no number, or the arm cannot stand where it is seen.
         """
-        wish = self._led(self._angles(action, "action"))
+        wish = self._angles(action, "action")
         motion = self.motion or Motion.at(self._standing(observe()))
         answer = bounded_command(self.correction, wish, motion, self._before)
         self._tell_of(wish, answer)
         return CorrectedAction(self._with(action, answer.command), wish, answer, motion)
-
-    def _led(self, wish: Array) -> Array:
-        """(n,), rad, where an announced path is once the joints are there; the wish where none is known."""
-        before, self._path = self._path, self._path and self._path.after(wish)
-        if self._path is None or self.correction.delay is None:
-            if before is not None and before.passed < len(before.wishes):
-                self._tell("an action is not the announced one; without a path that is known joints are not led")
-            return wish
-        return self._path.led(self.correction.delay)
 
     def follow(self, asked: CorrectedAction, sent: Mapping[str, Any]) -> dict[str, Any]:
         """Takes down what was really sent of a corrected action; the same in true angles. Raises `LrmError`."""
@@ -171,6 +148,13 @@ class CorrectedArm:
         if correction.left_out:
             self._tell(
                 f"not corrected, since no command can know it beforehand: {', '.join(map(marked, correction.left_out))}"
+            )
+        if correction.not_used:
+            self._tell(f"not used of the model of motion: {', '.join(correction.not_used)}")
+        if correction.counted:
+            has = "the model of poses has an error by direction there"
+            self._tell(
+                f"friction and play of the model of motion are not used at {', '.join(correction.counted)}: {has}"
             )
         if not correction.arm.complete:
             self._tell("some effect has no formula in the compiled kernel; a command takes 0.7 ms, not 0.2")

@@ -16,8 +16,9 @@ import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
 from lerobot_robot_lrm.least_deviation import FARTHEST
-from lerobot_robot_lrm.servo_motion import ServoMotion
+from lerobot_robot_lrm.servo_motion import not_used, stops_short
 from lrm_math.arm.arm import BASE, TOOL
+from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, constant
 from lrm_math.effects.backlash import Hysteresis
@@ -26,8 +27,9 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import deployed_part, of_a_session
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import load_model
-from lrm_math.motion.motion_model import MotionModel, load_motion
+from lrm_math.model.model_file import arm_of, load_model
+from lrm_math.motion.motion_model import MotionFile, MotionModel, motion_of
+from lrm_math.toml_file import read_toml
 
 REVERSAL = 2.0 * np.pi / 4096.0
 """rad, one step of a servo's encoder: joints whose error depends on their direction are not turned back by less."""
@@ -59,7 +61,8 @@ class Correction:
         keep: places whose constant errors are none of the arm, see `of`.
         moved: (4, 4), m, by which the goals are moved in the frame of the measurement, see `on_the_base_of`.
         seen: names of effects that the encoders show: what `model` has from the model of motion.
-        delay: (n,), s, by which the joints follow a command late; None: no model of motion is deployed.
+        not_used: ids of effects of the model of motion that no command uses.
+        counted: names of joints whose friction by the model of motion is not used, since `model` has it already.
     """
 
     model: Model
@@ -68,7 +71,8 @@ class Correction:
     keep: tuple[str, ...] = (BASE, TOOL)
     moved: Array = field(default_factory=lambda: np.eye(4))
     seen: tuple[str, ...] = ()
-    delay: Array | None = None
+    not_used: tuple[str, ...] = ()
+    counted: tuple[str, ...] = ()
 
     @classmethod
     def of_file(
@@ -76,7 +80,7 @@ class Correction:
     ) -> Correction:
         """The correction by a model file, and the file of a model of motion, if any; see `of`. Raises `LrmError`."""
         found = cls.of(load_model(path), payload, keep)
-        return found.in_motion(load_motion(Path(motion))[1]) if motion else found
+        return found.in_motion(_motion_of_file(Path(motion))) if motion else found
 
     @classmethod
     def of(cls, fitted: Model, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
@@ -102,23 +106,30 @@ class Correction:
         return cls(_restricted(deployed, kept), payload, left_out, tuple(keep))
 
     def in_motion(self, motion: MotionModel) -> Correction:
-        """The correction whose joints also stand where their servos stop short, and whose delay is known.
+        """The correction whose joints also stand where their servos stop short.
 
         Friction and play of the model of motion count where this model has no error that depends on the direction:
         such an error holds them already. Raises `LrmError`: a model of another arm.
         """
-        if motion.arm != self.model.arm:
-            raise LrmError(f"the model of motion is one of {motion.arm.name}; should be one of {self.model.arm.name}")
-        servo = ServoMotion.of(motion)
+        ours, other = self.model.arm, motion.arm
+        if arm_sha256(other) != arm_sha256(ours):
+            if other.name != ours.name:
+                raise LrmError(f"the model of motion is one of {other.name}; should be one of {ours.name}")
+            raise LrmError(f"{ours.name} of the model of motion is not as in the model of poses: {WHAT_COUNTS} differ")
+        rubs, directed = stops_short(motion), self.slack > 0.0
         short = {
-            Hysteresis(self.model.arm, place): -2.0 * float(by)
-            for place, by, directed in zip(self.model.arm.joint_names, servo.short, self.slack > 0.0, strict=True)
-            if by > 0.0 and not directed
+            Hysteresis(ours, ours.joint_names[j]): -2.0 * float(rubs[j])
+            for j in np.flatnonzero((rubs > 0.0) & ~directed)
         }
         known = {key: self.model.value(key) for effect in self.model.effects for key in effect.keys}
         known |= {effect.keys[0]: h for effect, h in short.items()}
-        model = model_of(self.model.arm, [*self.model.effects, *short], known)
-        return replace(self, model=model, seen=tuple(effect.name for effect in short), delay=servo.delay)
+        return replace(
+            self,
+            model=model_of(ours, [*self.model.effects, *short], known),
+            seen=tuple(effect.name for effect in short),
+            not_used=not_used(motion),
+            counted=tuple(self.names[j] for j in np.flatnonzero((rubs > 0.0) & directed)),
+        )
 
     def on_the_base_of(self, other: Correction) -> Correction:
         """The correction whose arm as drawn stands beside another one as the arm files of both have it.
@@ -231,6 +242,12 @@ class Correction:
         """Slot amounts (n,), rad, of the drawn arm's joints at wished angles (n,), and its tool's frame (4, 4), m."""
         drawn = self.drawn.slots_at(wish)
         return drawn[self.drawn.joints], self.moved @ self.drawn.kernel.forward(drawn[None])[0][0]
+
+
+def _motion_of_file(path: Path) -> MotionModel:
+    """The model of motion of a file, whose arm is looked up as that of a model file. Raises `FileError`."""
+    file = read_toml(path, MotionFile)
+    return motion_of(path, file, arm_of(path, file.arm))
 
 
 def _base_frame(model: Model) -> Array:

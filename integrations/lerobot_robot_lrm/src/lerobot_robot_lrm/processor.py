@@ -7,7 +7,7 @@ observation knows from which side each joint came.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,10 +73,6 @@ class CalibratedAction(CalibratedStep, RobotActionProcessorStep):
         self.arm.follow(corrected, corrected.action)
         return corrected.action
 
-    def announce(self, actions: Sequence[Mapping[str, Any]], fps: float) -> None:
-        """Takes down the next actions, `fps` a second, along which the joints are led, see `CorrectedArm.announce`."""
-        self.arm.announce(actions, fps)
-
     def reset(self) -> None:
         """Forgets the motion so far: the next action begins a new one where the arm is seen."""
         self.arm.forget()
@@ -100,7 +96,8 @@ class CalibratedObservation(CalibratedStep, ObservationProcessorStep):
 
 def _arm_of(step: CalibratedStep) -> CorrectedArm:
     """The arm of a step, shared with those of the same options."""
-    name = repr({**asdict(step), "model": str(Path(step.model).resolve())})
+    files = {key: file and str(Path(file).resolve()) for key, file in (("model", step.model), ("motion", step.motion))}
+    name = repr(asdict(step) | files)
     arm = _arms.get(name)
     if arm is None:
         correction = Correction.of_file(step.model, 1e-3 * step.payload_g, places_of(step.keep), step.motion)
