@@ -180,7 +180,8 @@ def check_counts(subject: ServiceUnderTest, solved: list[AnsweredGoal]) -> Itera
 
 
 def check_nearest(subject: ServiceUnderTest, unsolved: list[AnsweredGoal]) -> Iterator[str]:
-    """Whether answers without a solution have no command but a nearest one, and that one is as near as they say."""
+    """Whether answers without a solution have no command but a nearest one, and that one is as near as they say, where
+    the arm comes from `near_rad`."""
     for s in unsolved:
         if s.answer.q_rad is not None or s.answer.branches_rad or not s.answer.text:
             yield f"commands without a solution, or no reason: {s}"
@@ -189,7 +190,8 @@ def check_nearest(subject: ServiceUnderTest, unsolved: list[AnsweredGoal]) -> It
         return
     q, joints = np.array([s.answer.nearest_rad for s in proposing]), subject.model.arm.joints
     inside = np.all((q >= [j.lower for j in joints]) & (q <= [j.upper for j in joints]), axis=1)
-    tools = frames_at(subject.model, Poses(q, loads_of(proposing)))[0][:, -1]
+    near = np.array([s.request.near_rad or s.answer.nearest_rad for s in proposing])
+    tools = frames_at(subject.model, Poses(q, loads_of(proposing), np.sign(q - near)))[0][:, -1]
     for tool, within, s in zip(tools, inside, proposing, strict=True):
         if not within:
             yield f"nearest outside the limits: {s}"
