@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.positions import TRACKER_SD
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.diagnosis.judgement import Verdict
@@ -30,8 +31,6 @@ FIRST_BATCH, BATCH = 40, 8
 """Poses: enough for a first fit of the thesis's parameters and its cross-validation; then as many at a time."""
 OFFERED = 400
 """Candidates that a batch is chosen from; more are drawn at random, which hardly changes the best index."""
-FIRST_NOISE = 3e-4
-"""m per axis, before there is a fit: which parameters are worth a pose depends on it weakly."""
 MOST_RIVALS = 3
 SURE = 1.645
 """Standard errors of a one-sided bound that holds with 95 %."""
@@ -107,7 +106,7 @@ def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count
 
 def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
     """Rows of the candidates as long as nothing is fitted, for the parameters of the thesis. Raises `LrmError`."""
-    return _chosen(DesignProblem(model, None, (), count, "O1", FIRST_NOISE, measured, 0, 1, seed), candidates)
+    return _chosen(DesignProblem(model, None, (), count, "O1", TRACKER_SD, measured, 0, 1, seed), candidates)
 
 
 def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses, seed: int) -> int | None:

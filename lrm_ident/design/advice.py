@@ -58,7 +58,9 @@ class Advice:
     @property
     def alike(self) -> tuple[CausePair, ...]:
         """Pairs that no plan tells apart, exact formulas or not, the worst first."""
-        return tuple(sorted((pair for pair in self.pairs if not pair.told_if_exact), key=lambda pair: pair.lead))
+        return tuple(
+            sorted((pair for pair in self.pairs if not pair.distinguishable_if_exact), key=lambda pair: pair.lead)
+        )
 
     @property
     def works(self) -> bool:
@@ -131,7 +133,7 @@ def next_poses(
 
 
 def _least(pairs: Sequence[CausePair]) -> tuple[int, float]:
-    return -sum(not pair.told_if_exact for pair in pairs), min((pair.lead for pair in pairs), default=0.0)
+    return -sum(not pair.distinguishable_if_exact for pair in pairs), min((pair.lead for pair in pairs), default=0.0)
 
 
 def _recipes(measured: Poses | None, most: int) -> Iterator[tuple[int, tuple[float, ...]]]:

@@ -80,14 +80,14 @@ class CausePair:
     one_form: bool = False
 
     @property
-    def told_if_exact(self) -> bool:
+    def distinguishable_if_exact(self) -> bool:
         """Whether the data will tell them apart if the formula of the first is exact."""
         return self.lead >= NEEDED and self.cosine <= EQUIVALENCE_COSINE
 
     @property
-    def told(self) -> bool:
+    def distinguishable(self) -> bool:
         """Whether the data will tell them apart, exact or not."""
-        return self.told_if_exact and not self.one_form
+        return self.distinguishable_if_exact and not self.one_form
 
 
 @dataclass(frozen=True, eq=False)

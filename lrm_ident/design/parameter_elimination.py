@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.observations.positions import TRACKER_SD
 from lrm_ident.design.observability import (
     UNITS,
     Observability,
@@ -67,7 +68,7 @@ def eliminate(
     keys: Sequence[str],
     units: Units = "thesis",
     threshold: float = PUBLISHED_THRESHOLD,
-    noise: float = 3e-4,
+    noise: float = TRACKER_SD,
 ) -> ParameterElimination:
     """Removes parameters until every singular value reaches the threshold; what went for one that went later returns.
 

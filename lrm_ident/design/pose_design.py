@@ -105,9 +105,9 @@ class PoseDesign:
     trials: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     @property
-    def told(self) -> bool:
+    def distinguishable(self) -> bool:
         """Whether every rival is expected to be told from every other one, if its formula is exact."""
-        return all(pair.told_if_exact for pair in self.pairs)
+        return all(pair.distinguishable_if_exact for pair in self.pairs)
 
     @property
     def dwell(self) -> float:
@@ -294,9 +294,9 @@ def _held(
         hold = dwell * held
         pairs = () if len(causes) < 2 else expected(model, causes, _parts(problem, poses, hold), problem.noise)
         tries.append((hold, pairs))
-        if all(pair.told_if_exact for pair in pairs):
+        if all(pair.distinguishable_if_exact for pair in pairs):
             return hold, pairs
-    return max(tries, key=lambda one: (sum(p.told_if_exact for p in one[1]), min(p.lead for p in one[1])))
+    return max(tries, key=lambda one: (sum(p.distinguishable_if_exact for p in one[1]), min(p.lead for p in one[1])))
 
 
 def _in_turn(problem: DesignProblem, keys: Sequence[str], poses: Poses, hold: Array) -> Columns:

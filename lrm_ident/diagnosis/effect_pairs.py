@@ -39,7 +39,7 @@ class EffectPairs:
     fit: LinearisedFit
     beside: Mapping[str, LinearEstimate]
 
-    def beside_also(self, one: ScoredCandidate) -> EffectPairs:
+    def extended_by(self, one: ScoredCandidate) -> EffectPairs:
         """The same beside the fit with one more effect, projected out of all candidates once."""
         fit = self.fit.beside(one.projected)
         sets = fit.up_to_date(self.sets)

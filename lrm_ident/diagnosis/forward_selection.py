@@ -89,7 +89,7 @@ def forward_select(
         if chosen is None:
             return Selection(tuple(selected), tuple(steps))
         selected.append(chosen)
-        pairs = pairs.beside_also(chosen)
+        pairs = pairs.extended_by(chosen)
 
 
 def _next_effect(

@@ -200,9 +200,9 @@ def _leads(found: PoseDesign) -> Iterator[str]:
     least: dict[frozenset[str], CausePair] = {}
     for pair in found.pairs:
         both = frozenset((pair.there, pair.instead))
-        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told_if_exact, one.lead))
+        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.distinguishable_if_exact, one.lead))
     for pair in least.values():
-        will, ways = pair.told_if_exact, ((pair.there, pair.instead), (pair.instead, pair.there))
+        will, ways = pair.distinguishable_if_exact, ((pair.there, pair.instead), (pair.instead, pair.there))
         tried = ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in ways)
         yield (
             f"At typical sizes a diagnosis {'will' if will else 'will not'} distinguish {pair.there} from "

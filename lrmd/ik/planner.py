@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
@@ -13,6 +13,7 @@ from lrm_math.arrays import Array
 from lrm_math.collision.rrt_connect import Check, NoPath, plan
 from lrm_math.collision.scene import Scene
 from lrm_math.collision.straight_move import RESOLUTION, MotionClearance
+from lrm_math.ik.calibrated_arm import CancellationCheck
 from lrmd.config import Config
 from lrmd.safety.collision_guard import CollisionGuard
 
@@ -61,7 +62,7 @@ class Planner:
         return self.guard.scene
 
     def find(
-        self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
+        self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: CancellationCheck
     ) -> JointPath | NoPlan:
         """A path from a pose (rad) to one of the goal poses, or the reason why the first goal was given up.
 
@@ -100,7 +101,7 @@ class Planner:
         return path if self.guard.check(np.array(path), self.payload)[0].free else None
 
     def way_out(
-        self, start: Sequence[float], rng: np.random.Generator, check_cancelled: Callable[[], None]
+        self, start: Sequence[float], rng: np.random.Generator, check_cancelled: CancellationCheck
     ) -> JointPath | None:
         """A way from the start (n,) to a clear pose that the guard allows, or None if none was found.
 
@@ -118,7 +119,7 @@ class Planner:
         return None
 
     def _outward(
-        self, way: JointPath, rng: np.random.Generator, check_cancelled: Callable[[], None]
+        self, way: JointPath, rng: np.random.Generator, check_cancelled: CancellationCheck
     ) -> tuple[JointPath | None, bool]:
         """A longer way that the guard allows to a pose with more room than the start; whether that is clear."""
         (low, high), here = self.scene.limits, np.array(way[-1])
@@ -134,7 +135,7 @@ class Planner:
         return None, False
 
     def _find_from(
-        self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
+        self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: CancellationCheck
     ) -> JointPath | NoPlan:
 
         def check(before: Array, after: Array, margin: float) -> MotionClearance:

@@ -5,12 +5,11 @@ Adaptive random search (Masri, Bekey & Safford 1980), over poses within the limi
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.collision.straight_move import RESOLUTION
+from lrm_math.ik.calibrated_arm import CancellationCheck
 from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.safety.stability import Stability
 
@@ -23,7 +22,7 @@ LEAST_GAIN = 1e-3
 
 
 def steadier_poses(
-    stability: Stability, guard: CollisionGuard, start: Array, payload: float, seed: int, check: Callable[[], None]
+    stability: Stability, guard: CollisionGuard, start: Array, payload: float, seed: int, check: CancellationCheck
 ) -> Array:
     """(K, n), rad, clear poses with a larger tip-over angle than the start (n,), the largest first; none: K = 0.
 

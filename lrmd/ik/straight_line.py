@@ -20,6 +20,7 @@ from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Solved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.calibrated_arm import CancellationCheck
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.methods import QUICKEST
 from lrm_math.kinematics.known import Known
@@ -141,7 +142,7 @@ class ToolLine:
 
 
 def line_path(
-    begin: Waypoint, payload: float, goal: Goal, check_cancelled: Callable[[], None], follow: Follow = unchanged
+    begin: Waypoint, payload: float, goal: Goal, check_cancelled: CancellationCheck, follow: Follow = unchanged
 ) -> list[tuple[float, ...]] | LineEnd:
     """Commands (rad), the present one included, along which the tool goes straight to a goal with a payload (kg), or
     where such a line ends.

@@ -23,12 +23,12 @@ from lrm_math.motion.motion_model import MotionModel
 from tests.doors.lerobot_classes import plug_in
 from tests.doors.servos_door import MODEL
 from tests.support.motion_models import motion_text, write_motion_model
-from validation.lerobot_robot.in_motion import hidden_arm, known_motion, motion_of, tracking
+from validation.lerobot_robot.in_motion import hidden_arm, known_motion, motion_model_with, tracking
 from validation.motion.world import hand
 
 ARM = load_arm("so101")
 NOMINAL = model_of(ARM, ())
-RUBBING = motion_of(
+RUBBING = motion_model_with(
     {"dead_time.joint2.t_s": 0.05, "coulomb_friction.joint2.c_rad": 0.02, "motion_play.joint2.b_rad": 0.01}
 )
 RUBS = (("dead_time", "t_s"), ("coulomb_friction", "c_rad"), ("load_friction", "m_rad_per_Nm"))
@@ -75,7 +75,7 @@ def test_nothing_moves_while_the_requests_stand_still() -> None:
 
 def test_no_command_leads_its_request() -> None:
     wishes = np.linspace([0.0] * 5, [0.5, 0.5, -0.5, 0.5, 0.5], 40)
-    late_only = motion_of({"dead_time.joint2.t_s": 0.05})
+    late_only = motion_model_with({"dead_time.joint2.t_s": 0.05})
     np.testing.assert_allclose(sent(arm_in_motion(late_only), wishes), wishes, atol=1e-9)
     np.testing.assert_allclose(sent(arm_in_motion(None), wishes), wishes, atol=1e-9)
 
@@ -110,7 +110,7 @@ def test_a_model_of_motion_of_another_arm_is_refused_in_one_line() -> None:
 def test_what_commands_do_not_use_of_a_model_of_motion_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
     values = {"hysteresis.joint2.h_rad": -0.03}
     poses = Correction.of(model_of(ARM, effects_at(ARM, "hysteresis@joint2"), values))
-    more = motion_of({f"{key}.joint{j}.{name}": 0.01 for key, name in RUBS for j in (2, 3)})
+    more = motion_model_with({f"{key}.joint{j}.{name}": 0.01 for key, name in RUBS for j in (2, 3)})
     with caplog.at_level(logging.WARNING):
         CorrectedArm("model.toml", poses.in_motion(more))
     assert caplog.messages == [
@@ -128,7 +128,7 @@ def test_the_arm_of_a_model_of_motion_is_looked_up_beside_its_file(
     for name, text in (("model", MODEL), ("motion", motion_text(RUBBING))):
         (folder / f"{name}.toml").write_text(text.replace('arm = "so101"', 'arm = "mine.toml"'))
     monkeypatch.chdir(tmp_path)
-    assert Correction.of_file("a/model.toml", motion="a/motion.toml").counted == ("shoulder_lift",)
+    assert Correction.of_file("a/model.toml", motion="a/motion.toml").with_direction == ("shoulder_lift",)
 
 
 def test_steps_with_a_relative_and_an_absolute_path_share_their_arm(

@@ -63,9 +63,9 @@ class Followed:
 
 def _said(pairs: Sequence[CausePair]) -> str:
     """What was said beforehand of both orders of two causes."""
-    if all(pair.told for pair in pairs):
+    if all(pair.distinguishable for pair in pairs):
         return CAN
-    return IF_EXACT if all(pair.told_if_exact for pair in pairs) else CANNOT
+    return IF_EXACT if all(pair.distinguishable_if_exact for pair in pairs) else CANNOT
 
 
 def followed(case: Case, seed: int) -> Followed | None:

@@ -90,7 +90,7 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def motion_of(stated: Mapping[str, float]) -> MotionModel:
+def motion_model_with(stated: Mapping[str, float]) -> MotionModel:
     """A model of motion of an SO-101 with effects at its joints, by the values of parameters, those of servos too."""
     model = MotionModel.nominal(load_arm("so101"))
     for place in sorted({ParameterRef.parse(key).place for key in stated}):
@@ -112,7 +112,7 @@ def known_motion(hidden: TrueJoints, off: Array | None = None) -> MotionModel:
         for j, row in enumerate(values.tolist(), 1)
         for (kind, name), value in zip(VALUES, row, strict=True)
     }
-    return motion_of(stated)
+    return motion_model_with(stated)
 
 
 def examined(share: float, seed: int) -> TrackingErrors:

@@ -33,7 +33,7 @@ from lrm_math.plausibility import PlausibleSize
 COORDINATE = PlausibleSize("a coordinate of a position", "mm", 0.0, 1e7)
 FINEST = 1e-5
 """Share of the reach: no tracker that arms are measured with is so exact."""
-TRACKERS = 0.3e-3
+TRACKER_SD = 0.3e-3
 """m: usual noise of a tracker per axis, where none is stated."""
 BY_CHANCE = 1e-3
 """Probability up to which readings that are not rounded may all be multiples of a step."""
@@ -88,9 +88,9 @@ class Positions(Observation):
         yield from self.rounding_doubts()
 
     def rounding_doubts(self) -> Iterator[str]:
-        """Readings that are rounded to more than the noise."""
-        sd, whose = self.weighed().rms_sd, "that a tracker has" if self.weighed().rms_sd is None else "that is stated"
-        noise = TRACKERS if sd is None else float(np.nanmedian(sd))
+        """Readings that are rounded to more than the noise: an error of step/√12 (Bennett 1948)."""
+        sd = self.weighed().rms_sd
+        noise, whose = (TRACKER_SD, "that a tracker has") if sd is None else (float(np.nanmedian(sd)), "that is stated")
         errs = {axis: rounding_step(of) / math.sqrt(12.0) for axis, of in zip(POSITION, self.values.T, strict=True)}
         coarse = {axis: rounding for axis, rounding in errs.items() if rounding > noise}
         if coarse:

@@ -78,7 +78,7 @@ def _none_can(advice: Advice) -> str:
 
 def provided_words(pairs: Sequence[CausePair]) -> str:
     """On what it depends that poses distinguish these pairs: ", if …", or empty."""
-    form = next((pair for pair in pairs if pair.told_if_exact and not pair.told), None)
+    form = next((pair for pair in pairs if pair.distinguishable_if_exact and not pair.distinguishable), None)
     return "" if form is None else f", if the formula of {form.there} or {form.instead} is exact"
 
 

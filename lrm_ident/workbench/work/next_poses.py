@@ -71,9 +71,9 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResu
             named = f"{plain_name(error.name)} {error.why}" if isinstance(error, UnsuitableRival) else str(error)
             refused.append(named)
             continue
-        if best is None or chosen.told:
+        if best is None or chosen.distinguishable:
             best = names, task, chosen
-        if chosen.told:
+        if chosen.distinguishable:
             break
     if best is None:
         raise LrmError("; ".join(dict.fromkeys(refused)))
@@ -97,7 +97,7 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResu
 def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:
     """What the poses will tell, in one sentence."""
     count = len(chosen.poses)
-    if not chosen.told:
+    if not chosen.distinguishable:
         return (
             f"No poses tried can distinguish {plain_name(names[0])} from {plain_name(names[1])}; these {count} poses "
             "make the model's parameters more certain."

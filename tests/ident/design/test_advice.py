@@ -97,9 +97,9 @@ def test_formulas_that_one_free_form_refines_are_told_only_if_one_is_exact(arm: 
     both = causes(model, "backlash@joint2", "nonlinear_stiffness@joint2", "servo_gain@joint2")
     form, *others = expected(model, both, [loaded], NOISE)
     assert (form.there, form.instead) == ("backlash@joint2", "nonlinear_stiffness@joint2")
-    assert form.told_if_exact
-    assert not form.told
-    assert all(pair.told for pair in others if "servo_gain@joint2" in (pair.there, pair.instead))
+    assert form.distinguishable_if_exact
+    assert not form.distinguishable
+    assert all(pair.distinguishable for pair in others if "servo_gain@joint2" in (pair.there, pair.instead))
     advice = Advice(MeasuringPlan(loaded, (0.0, 2.0), 0.0), (form,))
     condition = ", if the formula of backlash@joint2 or nonlinear_stiffness@joint2 is exact"
     assert f"distinguish them{condition}: " in advice_sentence(advice)
@@ -177,7 +177,7 @@ def of_memory(arm: Arm, *names: str) -> PoseDesign:
 @pytest.mark.long
 def test_effects_with_a_memory_get_dwell_times_that_tell_them(waiting: PoseDesign) -> None:
     """What the model fits already is told from what it lacks; half of the poses are held, in no order."""
-    assert waiting.told
+    assert waiting.distinguishable
     assert not {"compliance.joint2.c_rad_per_Nm"} & {*waiting.keys}
     held = np.count_nonzero(waiting.hold)
     assert held in (0, len(waiting.hold) // 2)

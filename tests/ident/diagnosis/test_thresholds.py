@@ -110,7 +110,7 @@ def more_to_find(share: float, _: Patch) -> bool:
 def effects_selected(count: float, patch: Patch) -> bool:
     patch.setattr(forward_selection, "_next_effect", lambda *_: SimpleNamespace(projected=None))
     start: Any = SimpleNamespace(screened=[], beside={}, fit=SimpleNamespace(baseline=None))
-    start.beside_also = lambda _: start
+    start.extended_by = lambda _: start
     return len(forward_selection.forward_select(start, lambda *_: None).effects) < count
 
 

@@ -91,17 +91,17 @@ class CorrectedArm:
         held = np.array_equal(command, asked.motion.q)
         if as_wished and not held:
             return self._with(sent, asked.wish)
-        return self._with(sent, self._found(self.correction.reached, angles, self.motion))
+        return self._with(sent, self._seen_from(self.correction.reached, angles, self.motion))
 
     def observed(self, seen: Mapping[str, Any]) -> dict[str, Any]:
         """An observation with the joints where the model says that they really are. Raises `LrmError`."""
         encoders = self._angles(seen, "observation")
         motion = self.motion or Motion.at(encoders)
-        return self._with(seen, self._found(self.correction.true_angles, encoders, motion))
+        return self._with(seen, self._seen_from(self.correction.true_angles, encoders, motion))
 
-    def _found(self, true: Callable[[Array, Motion], Array], encoders: Array, motion: Motion) -> Array:
+    def _seen_from(self, inverse: Callable[[Array, Motion], Array], encoders: Array, motion: Motion) -> Array:
         try:
-            return true(encoders, motion)
+            return inverse(encoders, motion)
         except NoEquilibrium as error:
             self._tell(f"some observations are as the encoders read them ({error})")
             return encoders
@@ -149,13 +149,12 @@ class CorrectedArm:
             self._tell(
                 f"not corrected, since no command can know it beforehand: {', '.join(map(marked, correction.left_out))}"
             )
-        if correction.not_used:
-            self._tell(f"not used of the model of motion: {', '.join(correction.not_used)}")
-        if correction.counted:
+        if correction.unused_effects:
+            self._tell(f"not used of the model of motion: {', '.join(correction.unused_effects)}")
+        if correction.with_direction:
+            where = ", ".join(correction.with_direction)
             has = "the model of poses has an error by direction there"
-            self._tell(
-                f"friction and play of the model of motion are not used at {', '.join(correction.counted)}: {has}"
-            )
+            self._tell(f"friction and play of the model of motion are not used at {where}: {has}")
         if not correction.arm.complete:
             self._tell("some effect has no formula in the compiled kernel; a command takes 0.7 ms, not 0.2")
 

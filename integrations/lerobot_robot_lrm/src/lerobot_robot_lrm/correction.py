@@ -16,7 +16,7 @@ import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
 from lerobot_robot_lrm.least_deviation import FARTHEST
-from lerobot_robot_lrm.servo_motion import not_used, stops_short
+from lerobot_robot_lrm.servo_motion import half_dead_band, unused_effects
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arrays import Array
@@ -61,8 +61,8 @@ class Correction:
         keep: places whose constant errors are none of the arm, see `of`.
         moved: (4, 4), m, by which the goals are moved in the frame of the measurement, see `on_the_base_of`.
         seen: names of effects that the encoders show: what `model` has from the model of motion.
-        not_used: ids of effects of the model of motion that no command uses.
-        counted: names of joints whose friction by the model of motion is not used, since `model` has it already.
+        unused_effects: ids of effects of the model of motion that no command uses.
+        with_direction: names of joints whose friction by the model of motion is not used, since `model` has it already.
     """
 
     model: Model
@@ -71,8 +71,8 @@ class Correction:
     keep: tuple[str, ...] = (BASE, TOOL)
     moved: Array = field(default_factory=lambda: np.eye(4))
     seen: tuple[str, ...] = ()
-    not_used: tuple[str, ...] = ()
-    counted: tuple[str, ...] = ()
+    unused_effects: tuple[str, ...] = ()
+    with_direction: tuple[str, ...] = ()
 
     @classmethod
     def of_file(
@@ -116,7 +116,7 @@ class Correction:
             if other.name != ours.name:
                 raise LrmError(f"the model of motion is one of {other.name}; should be one of {ours.name}")
             raise LrmError(f"{ours.name} of the model of motion is not as in the model of poses: {WHAT_COUNTS} differ")
-        rubs, directed = stops_short(motion), self.slack > 0.0
+        rubs, directed = half_dead_band(motion), self.slack > 0.0
         short = {
             Hysteresis(ours, ours.joint_names[j]): -2.0 * float(rubs[j])
             for j in np.flatnonzero((rubs > 0.0) & ~directed)
@@ -127,8 +127,8 @@ class Correction:
             self,
             model=model_of(ours, [*self.model.effects, *short], known),
             seen=tuple(effect.name for effect in short),
-            not_used=not_used(motion),
-            counted=tuple(self.names[j] for j in np.flatnonzero((rubs > 0.0) & directed)),
+            unused_effects=unused_effects(motion),
+            with_direction=tuple(self.names[j] for j in np.flatnonzero((rubs > 0.0) & directed)),
         )
 
     def on_the_base_of(self, other: Correction) -> Correction:

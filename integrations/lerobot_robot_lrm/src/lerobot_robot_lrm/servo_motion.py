@@ -1,24 +1,28 @@
-"""What the plug-in uses of a model of motion: how far each joint's servo stops short of its goal."""
+"""What the plug-in uses of a model of motion: the dead band in which a joint's servo stops short of its goal."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.effects import CoulombFriction, MotionPlay
 from lrm_math.motion.motion_model import MotionModel
 
 
-def stops_short(model: MotionModel) -> Array:
-    """(n,), rad, by which joints' encoders stay behind a slow command: Coulomb friction, and half of the play."""
+def half_dead_band(model: MotionModel) -> Array:
+    """(n,), rad, by which joints' encoders stay behind a slow command: Coulomb friction, and half of the play.
+
+    Friction over the stiffness of the servo's position loop; see `CoulombFriction`.
+    """
 
     def each(effect: str, parameter: str) -> Array:
-        keys = (f"{effect}.{place}.{parameter}" for place in model.arm.joint_names)
+        keys = (str(ParameterRef(effect, place, parameter)) for place in model.arm.joint_names)
         return np.array([model.values.get(key, 0.0) for key in keys])
 
     return each(CoulombFriction.id, "c_rad") + 0.5 * each(MotionPlay.id, "b_rad")
 
 
-def not_used(model: MotionModel) -> tuple[str, ...]:
-    """What effects of the model `stops_short` leaves out, each once, by their ids."""
+def unused_effects(model: MotionModel) -> tuple[str, ...]:
+    """What effects of the model `half_dead_band` leaves out, each once, by their ids."""
     return tuple(dict.fromkeys(e.id for e in model.effects if not isinstance(e, CoulombFriction | MotionPlay)))
