@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.design.candidate_poses import ClearanceRules, floor_above_table, random_poses
+from lrm_ident.design.discrimination import rival_columns
 from lrm_ident.design.expected_lead import CandidateCause, CausePair, as_measured, expected
 from lrm_ident.design.pose_design import (
     CandidateSet,
@@ -24,9 +25,11 @@ from lrm_ident.design.pose_design import (
     design,
     tried,
 )
+from lrm_ident.diagnosis.screening.candidates import unfitted_rows
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE
+from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -111,6 +114,28 @@ def advise(
         if best.plan is None or _least(found.pairs) > _least(best.pairs):
             best = found
     return best
+
+
+def advise_beside(model: Model, present: Effect, rivals: Sequence[Effect], measured: Poses, noise: float) -> Advice:
+    """The advice on an effect that the model has, and others that fitted as well in its place.
+
+    Each of the others is as large as it has to be to move the tip most like it (least squares). `noise`: m per axis.
+    """
+    without = model.with_free([key for key in model.free if key not in present.keys])
+    values = dict(zip(present.parameters, map(model.value, present.keys), strict=True))
+    shape = tuple(0.0 if parameter.fixed is None else value for parameter, value in values.items())
+    size = np.array([value / parameter.typical for parameter, value in values.items() if parameter.fixed is None])
+    own, *others = (
+        columns.reshape(-1, columns.shape[2])
+        for columns in rival_columns(without, measured, (present, *rivals), without.free)
+    )
+    sizes = [size, *(np.linalg.lstsq(columns, own @ size, rcond=None)[0] for columns in others)]
+    shapes = [shape, *(None for _ in rivals)]
+    causes = [
+        CandidateCause(effect, unfitted_rows(effect, without.free), each, known)
+        for effect, each, known in zip((present, *rivals), sizes, shapes, strict=True)
+    ]
+    return advise(without, causes, measured, noise)
 
 
 def next_poses(

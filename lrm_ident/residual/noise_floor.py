@@ -43,6 +43,23 @@ class NoiseFloor:
         )
         return low, high
 
+    def error_without(self, rms: float, poses: int) -> tuple[float, float] | None:
+        """Bounds (m) of the RMS error that is left of a held-out one of so many poses without this noise; None where
+        the noise is not known.
+
+        Mean squares subtract. Each bound holds with 95 % for normal errors, whose squares follow a χ² distribution;
+        the noise is at the end of its `interval`.
+        """
+        from scipy.special import chdtri
+
+        if self.rms is None:
+            return None
+        numbers = self.axes * poses
+        least, most = self.interval or (self.rms, self.rms)
+        low = rms**2 * numbers / chdtri(numbers, 0.05) - most**2
+        high = rms**2 * numbers / chdtri(numbers, 0.95) - least**2
+        return float(np.sqrt(max(0.0, low))), float(np.sqrt(max(0.0, high)))
+
     def p_value(self, sigma: float, degrees_of_freedom: float) -> float:
         """p value of the lack-of-fit F test of a residual (m per axis) (Draper and Smith 1998, section 2.1).
 

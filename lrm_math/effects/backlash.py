@@ -112,7 +112,7 @@ class Hysteresis(JointEffect, LinearEffect):
         ),
         formula="δq = ½ h · direction of the joint's last move",
         source="Slamani, Nubiola & Bonev 2012",
-        claim="{place} stops {h_rad} apart when approached from either side",
+        claim="{place} stops {h_rad:apart, beyond its goal|apart, short of its goal} from either side",
         needs="measured order, and each joint approached from both sides",
     )
     depends_on = ("direction",)

@@ -8,7 +8,7 @@ fit follow from these.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -141,13 +141,24 @@ class Excitation:
         return bool(np.count_nonzero(values > 0) >= least and np.count_nonzero(values < 0) >= least)
 
 
+class _Estimate(str):
+    """An estimate in words whose sign a claim may say in words: `{g:too far|too little}`."""
+
+    def __format__(self, signs: str) -> str:
+        if not signs:
+            return str(self)
+        positive, _, negative = signs.partition("|")
+        return f"{self.removeprefix('-')} {negative if self.startswith('-') else positive}".rstrip()
+
+
 @dataclass(frozen=True)
 class Description:
     """Texts of reports about an effect.
 
     Attributes:
         cause: the physics, a sentence. formula: as in a textbook. source: where it is from.
-        claim: a sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`.
+        claim: a sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`. Words
+            for a positive and a negative estimate may follow a name: `{place} turns {g:too far|too little}`.
         needs: the measurements that can show it.
     """
 
@@ -161,6 +172,10 @@ class Description:
     def claimed(self) -> frozenset[str]:
         """Names in braces in the claim: parameters, whose estimates it states, and the place."""
         return frozenset(name for _, name, *_ in Formatter().parse(self.claim) if name)
+
+    def claimed_with(self, place: str, estimates: Mapping[str, str]) -> str:
+        """The claim about a place, with the estimates in words by the names of their parameters."""
+        return self.claim.format(place=place, **{name: _Estimate(words) for name, words in estimates.items()})
 
 
 class ModelPart(Enum):

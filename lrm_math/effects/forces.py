@@ -87,7 +87,7 @@ class Mass(_BodyError):
         cause="A link is heavier than it was weighed (screws, cables, glue), or its centre of mass lies elsewhere.",
         formula="mass + δm, centre of mass + δc in the frame it stands in",
         source="Conenna 2024, section 4.4",
-        claim="{place} weighs {mass_g} more than the arm file says, " + CENTRE_CLAIM,
+        claim="{place} weighs {mass_g:more|less} than the arm file says, " + CENTRE_CLAIM,
     )
 
     @cached_property
@@ -119,7 +119,7 @@ class Payload(_BodyError):
         ),
         formula="mass + δm, centre of mass + δc, in the poses that carry a load",
         source="Conenna 2024, section 4.4",
-        claim="the load weighs {mass_g} more than is written, " + CENTRE_CLAIM,
+        claim="the load weighs {mass_g:more|less} than is stated, " + CENTRE_CLAIM,
         needs="poses with a load, and poses without or with another one",
     )
     parameters = (Parameter("mass_g", "error of the load's mass", 0.02), *CENTRE_OF_MASS)

@@ -37,7 +37,10 @@ class ServoGain(AngleDependentEffect, LinearEffect):
         cause="The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor.",
         formula="δq = g+ q for q > 0, g− q for q < 0",
         source="piecewise linear table of Conenna 2024, section 3.4",
-        claim="the gain of {place} is off by {g_plus_rad_per_rad} above zero and by {g_minus_rad_per_rad} below",
+        claim=(
+            "{place} turns {g_plus_rad_per_rad:too far|too little} above zero and "
+            "{g_minus_rad_per_rad:too far|too little} below"
+        ),
         needs="seven or more angles of the joint",
     )
     extrapolation = Extrapolation.PROPORTIONAL
@@ -64,7 +67,7 @@ class CommonGain(LinearEffect):
         ),
         formula="δq_j = g q_j at every joint j; what a longer pulse adds at zero is in the offsets",
         source="PCA9685 data sheet: an internal oscillator of nominally 25 MHz",
-        claim="the gain of {place} is off by {g_rad_per_rad}",
+        claim="every servo turns {g_rad_per_rad:too far|too little}",
     )
     extrapolation = Extrapolation.PROPORTIONAL
     parameters = (Parameter("g_rad_per_rad", "gain error of all servos", 0.02),)
@@ -192,7 +195,7 @@ class Coupling(CoupledJoints, LinearEffect):
         cause="A cable or a shared mount lets the command of one joint turn another one a little.",
         formula="δq_N = c q_M",
         source="first order of any dependence between two joints",
-        claim="{place} by {c_rad_per_rad}",
+        claim="{place} by {c_rad_per_rad:|in the opposite direction}",
     )
 
     depends_on = ("angle",)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from lrm_ident.design.advice import Advice, advise
+from lrm_ident.design.advice import Advice, advise, advise_beside
 from lrm_ident.design.expected_lead import CandidateCause
 from lrm_ident.diagnosis.attribution import attribution_of
+from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
-from lrm_math.effects import variants
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_math.effects import Effect, effects_at, variants
 
 MOST_CAUSES = 4
 """That poses are sought for, the best first."""
@@ -21,14 +23,35 @@ BY_ORDER = frozenset({"time", "session"})
 
 
 def causes_of(report: DiagnosisReport) -> Sequence[str]:
-    """Candidate causes (`effect@place`) that poses to be measured could distinguish; the effect to add is the first."""
+    """Candidate causes (`effect@place`) that poses to be measured could distinguish; the effect to add is the first, or
+    the first of the model that may be another one."""
     first, attribution = report.first, attribution_of(report)
     if first is None or attribution is None:
-        return ()
+        name = next(iter(unsure_of(report)), "") if report.verdict.quiet else ""
+        present = {one: effect_of(report, one) for one in ((name, *report.indistinguishable[name]) if name else ())}
+        remembers = any(effect.remembers for effect in present.values())
+        return [one for one, effect in present.items() if remembers or _by_poses(effect)][:MOST_CAUSES]
     effects = {one.name: one.scored.candidate.effect for one in report.ranking}
-    known = {name for name, one in effects.items() if one.remembers or BY_ORDER.isdisjoint(one.depends_on)}
     stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
-    return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
+    found = dict.fromkeys((*stands_for, *first.equivalent))
+    return [name for name in found if name in effects and _by_poses(effects[name])][:MOST_CAUSES]
+
+
+def unsure_of(report: DiagnosisReport) -> Mapping[str, Sequence[str]]:
+    """Effects of the model that may be another one, and which."""
+    present = {effect.name for effect in report.diagnosis.fit.model.effects}
+    return {name: others for name, others in report.indistinguishable.items() if others and name in present}
+
+
+def _by_poses(effect: Effect) -> bool:
+    """Whether a choice of poses can tell of it, or how long they are held."""
+    return effect.remembers or BY_ORDER.isdisjoint(effect.depends_on)
+
+
+def effect_of(report: DiagnosisReport, name: str) -> Effect:
+    """An effect of the model, or of the catalogue at the place that the name says."""
+    model = report.diagnosis.fit.model
+    return next((one for one in model.effects if one.name == name), None) or effects_at(model.arm, name)[0]
 
 
 @lru_cache(maxsize=1)
@@ -38,10 +61,17 @@ def advice_of(report: DiagnosisReport) -> Advice | None:
     if len(names) < 2:
         return None
     diagnosis = report.diagnosis
+    measured, first = diagnosis.screening.subset[1].poses, report.first
+    if first is None:
+        present, *rivals = (effect_of(report, name) for name in names)
+        return advise_beside(diagnosis.fit.model, present, rivals, measured, _noise(diagnosis, diagnosis.fit))
     scored = {one.name: one.scored for one in report.ranking}
-    first = report.first
-    to_explain = 0.0 if first is None else float(np.linalg.norm(first.scored.added))
-    refit = None if first is None else first.fit
-    noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
+    to_explain = float(np.linalg.norm(first.scored.added))
     causes = [CandidateCause.found(scored[name], to_explain) for name in names]
-    return advise(diagnosis.fit.model, causes, diagnosis.screening.subset[1].poses, noise)
+    noise = _noise(diagnosis, first.fit or diagnosis.fit)
+    return advise(diagnosis.fit.model, causes, measured, noise)
+
+
+def _noise(diagnosis: Diagnosis, fit: Fit) -> float:
+    """Noise (m per axis), known or as a fit leaves it."""
+    return diagnosis.floor.sd or fit.sigma

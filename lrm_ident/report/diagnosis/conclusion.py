@@ -20,9 +20,9 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
-from lrm_ident.report.diagnosis.advice import advice_of, causes_of
+from lrm_ident.report.diagnosis.advice import advice_of, causes_of, unsure_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advice
+from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advice, words_of
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options, provided_words
 from lrm_ident.report.text.claims import claim_sentence
@@ -42,23 +42,25 @@ from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_unc
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.arm.place_names import joint_numbers
-from lrm_math.effects import CATALOGUE, Effect, variants
+from lrm_math.effects import CATALOGUE, Effect, compensable, constant, variants
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.kinematics.history import PACE_S
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
-DEPLOY = "Gives the model to lrmd; nothing moves yet. verify moves the arm."
+DEPLOY = "The daemon takes the model; nothing moves. verify then drives to 50 goals."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 LACKS = "what these poses lack"
 FIRST = (
-    "estimate", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like", "in the model",
-    "hidden at most", "chosen again", LACKS,
+    "estimate", "as deployed", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like",
+    "in the model", "chosen again", LACKS,
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
 FOLDED = ("black-box model",)
 """Facts that a terminal shows with `--all` only."""
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
+FOR_THE_CAUSE, FOR_OTHERS = "to learn the cause", "for programs that read a URDF"
+"""Leads of commands beside that which gives the model to the arm."""
 NOT_YET = "nothing yet: the cause is not certain"
 """What to repair while the cause is not sure; the next step on a terminal says as much."""
 MISSING = "Missing from the model"
@@ -79,7 +81,7 @@ WHY_NOT = {
 }
 """Why no cause was identified."""
 LEFT = {
-    Verdict.NOTHING_MISSING: "no systematic error is left.",
+    Verdict.NOTHING_MISSING: "no further systematic error is seen.",
     Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
 }
 """What is left where no missing effect was found."""
@@ -215,10 +217,10 @@ def _quiet_headline(report: DiagnosisReport) -> str:
     if not known:
         return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
     named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
-    them, verb = ("it", "is") if len(known) == 1 else ("them", "are")
-    other = f", or another cause that these poses cannot distinguish from {them}, {verb}"
-    unsure = any(report.indistinguishable.get(name) for name in known)
-    return f"{named[0].upper()}{named[1:]}{other if unsure else f' {verb}'} in the model{left}"
+    them = "it" if len(known) == 1 else "them"
+    other = f", or another cause that these poses cannot distinguish from {them}" if unsure_of(report) else ""
+    all_corrected = all(compensable(effect) or effect.remembers for effect in _has_already(report).values())
+    return f"Found: {named}{other}, now {'corrected' if all_corrected else 'in the model'}{left}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -248,6 +250,8 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
+    if report.verdict.quiet:
+        yield "certainty", _unsure(report)
     if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
         yield "black-box model", predictable_brief(report.patterns.predictable)
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
@@ -272,14 +276,24 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if report.verdict.quiet:
         known = _has_already(report)
-        certain = [effect for name, effect in known.items() if not report.indistinguishable.get(name)]
+        certain = [effect for name, effect in known.items() if name not in unsure_of(report)]
         if not known and (terms := _empirical(report)):
             places = dict.fromkeys(map(place_in_words, terms))
             return f"{NOT_YET}; look there first: {enumerate_words(list(places), LISTED)}"
-        return NOT_YET if known and not certain else repair_advice(*certain[:LISTED])
-    if first is not None and attribution == Support.FINDING and not first.equivalent:
-        return repair_advice(first.scored.candidate.effect)
+        if known and not certain:
+            return _repair_of_either(next((name, *others) for name, others in unsure_of(report).items()))
+        return repair_advice(*certain[:LISTED])
+    if first is not None and attribution == Support.FINDING:
+        effect = first.scored.candidate.effect
+        return _repair_of_either((first.name, *first.equivalent)) if first.equivalent else repair_advice(effect)
     return NOT_YET
+
+
+def _repair_of_either(names: Sequence[str]) -> str:
+    """What to do with one's hands about each of several causes, of which one is there."""
+    repairs = ((plain_name(name), words_of(name, "repair").format(place=place_in_words(name))) for name in names)
+    either = "; ".join(f"if {name}: {repair}" for name, repair in repairs if repair)
+    return f"not yet known which: {either}" if either else NOT_YET
 
 
 def valid_where(report: DiagnosisReport) -> tuple[MeasuredAngles, ...]:
@@ -330,10 +344,22 @@ def _deployed(report: DiagnosisReport) -> str:
     if deployed.among_measured is not None:
         among = f"{in_mm(deployed.among_measured.rms)} mm among the measured poses"
         return f"{in_mm(deployed.now.rms)} mm RMS at later poses ({among}), as the arm goes on changing"
+    size = f"{in_mm(deployed.now.rms)} mm RMS, at most {in_mm(deployed.now.max)} mm{_without_noise(report)}"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
-        return ""
+        return size
     earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"
-    return f"{in_mm(deployed.now.rms)} mm RMS {_where_expected(report)}{earlier}"
+    return f"{size}; {_where_expected(report)}{earlier}"
+
+
+def _without_noise(report: DiagnosisReport) -> str:
+    """How much of the error as deployed is the arm's own, where the noise is known."""
+    diagnosis, error = report.diagnosis, report.deployed.now.rms
+    bounds = diagnosis.floor.error_without(error, len(diagnosis.data))
+    if bounds is None or diagnosis.floor.rms is None or diagnosis.data.several_kinds:
+        return ""
+    if bounds[0]:
+        return f"; without the noise ≈ {in_mm(float(np.sqrt(error**2 - diagnosis.floor.rms**2)))} mm"
+    return f"; without the noise at most {in_mm(bounds[1])} mm RMS (95 %)" if bounds[1] else ""
 
 
 def _where_expected(report: DiagnosisReport) -> str:
@@ -355,6 +381,21 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
     return f"identified: {_runner_up(report, first)}{unsure}"
+
+
+def _unsure(report: DiagnosisReport) -> str:
+    """Which effects of the model may be which others, and whether no poses would tell; empty: all are sure."""
+    unsure = unsure_of(report)
+    if not unsure:
+        return ""
+    either = (
+        f"{plain_name(name)}, or {enumerate_words(list(map(plain_name, others)), LISTED)}"
+        for name, others in unsure.items()
+    )
+    advice = advice_of(report)
+    none = len(unsure) == 1 and advice is not None and advice.plan is not None and not advice.helps
+    others = ", and with all others that were tried" if none else ""
+    return f"{'; '.join(either)}: indistinguishable with these poses{others}"
 
 
 def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explained: float, left: float) -> str:
@@ -499,26 +540,19 @@ def _may_hide(report: DiagnosisReport) -> str:
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
     most = in_mm(max(bounds.values()))
-    return f"{most} mm RMS of this error, by a further known effect (95 %)"
+    return f"{most} mm RMS at the tip, by one further known effect (95 %)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
-    model, data, arm = map(shlex.quote, astuple(names))
-    first, advice = report.first, advice_of(report)
+    model, data, _ = map(shlex.quote, astuple(names))
+    first = report.first
     if first is None or attribution is None:
-        yield from _without_effect(report, model, data, arm)
+        yield from _without_effect(report, names)
         return
     add = f"lrm-ident add {model} {data} {shlex.quote(first.name)} -o better.toml"
     lead, words = "or", "Adds it to the model and refits all parameters."
-    if advice is not None and advice.plan is not None and advice.helps:
-        rivals = shlex.quote(",".join(causes_of(report)))
-        poses = f"--separate {rivals} --have {data} {plan_options(advice.plan)} -o next.csv"
-        these, there = f"these{provided_words(advice.pairs)}", f"Measure there, append to {names.data}."
-        yield NextStep(
-            f"Writes poses (--levels any: at any angles) that distinguish {these}. {there}",
-            f"lrm-ident design {arm} --model {model} {poses}",
-            f"lrm-ident fit {data} --arm {arm} -o new.toml",
-        )
+    if distinguishing := list(_poses_that_distinguish(report, names)):
+        yield from distinguishing
         lead, words = STOPGAP, "Adds it, though its cause is not certain."
     if attribution == Support.DESCRIPTION:
         yield NextStep("Corrects the error without knowing its cause.", add, lead=STOPGAP)
@@ -529,12 +563,33 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _without_effect(report: DiagnosisReport, model: str, data: str, arm: str) -> Iterator[NextStep]:
+def _poses_that_distinguish(report: DiagnosisReport, names: CommandNames, lead: str = "or") -> Iterator[NextStep]:
+    """How to measure what distinguishes the causes, where some poses do."""
+    model, data, arm = map(shlex.quote, astuple(names))
+    advice = advice_of(report)
+    if advice is None or advice.plan is None or not advice.helps:
+        return
+    rivals = shlex.quote(",".join(causes_of(report)))
+    poses = f"--separate {rivals} --have {data} {plan_options(advice.plan)} -o next.csv"
+    these, there = f"these{provided_words(advice.pairs)}", f"Measure there, append to {names.data}."
+    yield NextStep(
+        f"Writes poses (--levels any: at any angles) that distinguish {these}. {there}",
+        f"lrm-ident design {arm} --model {model} {poses}",
+        f"lrm-ident fit {data} --arm {arm} -o new.toml",
+        lead,
+    )
+
+
+def _without_effect(report: DiagnosisReport, names: CommandNames) -> Iterator[NextStep]:
     """The next steps after a verdict without an effect to add."""
+    model, data, arm = map(shlex.quote, astuple(names))
     if report.verdict == Verdict.NOTHING_MISSING:
         yield NextStep(DEPLOY, f"lrm deploy {model}", VERIFY)
+        yield from _poses_that_distinguish(report, names, FOR_THE_CAUSE)
+        lost = [plain_name(name) for name, effect in _has_already(report).items() if not constant(effect)]
+        without = f" and without {enumerate_words(lost, IN_HEADLINE)}" if lost else ""
         export = f"lrm-ident arm export {model} -o arm.urdf"
-        yield NextStep("Writes its rigid part for other programs, without springs and play.", export)
+        yield NextStep(f"Writes the rigid part, without springs{without}.", export, lead=FOR_OTHERS)
     elif report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         if report.limitations:
             design = f"lrm-ident design {arm} --model {model} --have {data} --levels any -n {MORE_POSES} -o next.csv"

@@ -53,7 +53,8 @@ def claim_sentence(claim: Claim) -> str:
 
 def stated(effect: Effect, words: Mapping[str, str], turns: Mapping[str, float]) -> str:
     """The claim of an effect with its estimates in words. `turns`: as in `in_words`, by the name of the parameter."""
-    sentence = (effect.about.claim or f"{effect.id} at {{place}}").format(place=effect.place_in_words, **words)
+    claimed = effect.about.claimed_with(effect.place_in_words, words)
+    sentence = claimed or f"{effect.id} at {effect.place_in_words}"
     return sentence + turned(not effect.about.claimed.isdisjoint(turns))
 
 

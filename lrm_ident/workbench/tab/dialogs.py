@@ -153,7 +153,7 @@ TOUR = (
     (
         "panel-effect",
         "know when to stop",
-        "The headline says when no systematic error is left. Save the model for the rover, "
+        "The headline says when no further systematic error is seen. Save the model for the rover, "
         "write a report, or drop your own CSV on this page.",
     ),
 )

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from lrm_ident.design.advice import Advice, MeasuringPlan, advise, next_poses
+from lrm_ident.design.advice import Advice, MeasuringPlan, advise, advise_beside, next_poses
 from lrm_ident.design.detmax import _climb, maximise_criterion
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
 from lrm_ident.design.expected_lead import (
@@ -31,7 +31,7 @@ from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import Effect, effects_at
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
@@ -89,6 +89,26 @@ def test_what_no_pose_tells_is_said_with_the_reason(arm: Arm) -> None:
     words = f"No poses tried can distinguish {worst.there} from {worst.instead}"
     assert hopeless_words(advice) == words
     assert advice_sentence(advice).startswith(f"{words}: they move the tip alike (cosine 1.00), with ")
+
+
+def test_an_effect_of_the_model_is_told_from_what_fitted_as_well(arm: Arm) -> None:
+    """Where two joints always moved together, a gain of one is a coupling to the other, as large."""
+    poses, coupling = at_levels(arm, -1.0, -0.5, 0.0, 0.6, 1.1), effects_at(arm, "coupling@joint2<-joint1")[0]
+    measured = replace(poses, q=poses.q[:, [1, 1, 2]])
+    model, gain = having(arm, "servo_gain@joint2", 0.02)
+    advice = advise_beside(model, gain, [coupling], measured, NOISE)
+    assert advice.works
+    assert {pair.there for pair in advice.pairs} == {gain.name, coupling.name}
+    model, droop = having(arm, "servo_droop@joint2", 1e-3)
+    spring = effects_at(arm, "compliance@joint2")[0]
+    assert not advise_beside(model.with_free({*model.free} - {*spring.keys}), droop, [spring], measured, NOISE).helps
+
+
+def having(arm: Arm, name: str, size: float) -> tuple[Model, Effect]:
+    """A model with an effect, each of its parameters as large (SI) and free."""
+    effect, model = effects_at(arm, name)[0], base(arm)
+    values = {key: model.value(key) for key in model.keys} | dict.fromkeys(effect.keys, size)
+    return model_of(arm, (*model.effects, effect), values).with_free((*model.free, *effect.keys)), effect
 
 
 def test_formulas_that_one_free_form_refines_are_told_only_if_one_is_exact(arm: Arm) -> None:

@@ -427,7 +427,7 @@ def test_every_effect_explains_itself(lab: Arm) -> None:
                 assert parameter.typical > 0
                 assert parameter.meaning
                 assert parameter.name.endswith("_" + parameter.unit)
-            effect.about.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+            effect.about.claimed_with(place, {p.name: "x" for p in effect.parameters})
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
-from lrm_ident.report.diagnosis.conclusion import HEADLINES, NOT_YET, CommandNames, conclude, valid_where
+from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude, valid_where
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
@@ -60,10 +60,10 @@ def test_a_page_says_that_its_diagnosis_has_another_prior(
 def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -> None:
     report = better_study.diagnose()
     found = conclude(report)
-    assert found.headline == "Backlash in joint 2 is in the model; no systematic error is left."
+    assert found.headline == "Found: backlash in joint 2, now corrected; no further systematic error is seen."
     without_files = "Save the model and give it to the rover: lrm deploy MODEL."
     assert next_step(report) == without_files, "what the page says without files"
-    assert found.next[0].words.startswith("Gives the model to lrmd"), "what the command does stands at the command"
+    assert found.next[0].words.startswith("The daemon takes the model"), "what the command does stands at the command"
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
@@ -74,7 +74,8 @@ def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study
     among, later = report.deployed.now, replace(report.deployed.now, rms=2.5e-3)
     found = conclude(replace(report, deployed=replace(report.deployed, now=later, among_measured=among)))
     assert found.headline == (
-        "Backlash in joint 2 is in the model, but the arm goes on changing: earlier poses predict the later ones worse."
+        "Found: backlash in joint 2, now corrected, but the arm goes on changing: "
+        "earlier poses predict the later ones worse."
     )
     assert dict(found.facts)["as deployed"].startswith("2.50 mm RMS at later poses (0.57 mm among the measured poses)")
 
@@ -98,10 +99,13 @@ def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> Non
     name = "backlash@joint2"
     found = conclude(replace(better_study.diagnose(), indistinguishable={name: ("cable_spring@joint2",)}))
     assert found.headline == (
-        "Backlash in joint 2, or another cause that these poses cannot distinguish from it, is in the model; "
-        "no systematic error is left."
+        "Found: backlash in joint 2, or another cause that these poses cannot distinguish from it, now corrected; "
+        "no further systematic error is seen."
     )
-    assert dict(found.facts)["repair"] == NOT_YET
+    facts = dict(found.facts)
+    assert "backlash in joint 2, or cable pull on joint 2" in facts["certainty"]
+    assert "gear of joint 2" in facts["repair"]
+    assert "cables at joint 2" in facts["repair"], "what to do in either case"
 
 
 def test_beside_a_cause_of_the_model_nothing_is_said_of_that_one(better_study: Study) -> None:

@@ -56,7 +56,7 @@ def test_what_an_effect_says_holds_no_code_name(kind: type) -> None:
     still = Excitation(poses_of(np.zeros((3, arm.dof))), np.zeros((3, arm.dof)))
     for effect in (kind(arm, place) for place in kind.places(arm)):
         numbers = {parameter.name: "0" for parameter in effect.parameters}
-        claim = effect.about.claim.format(place=effect.place_in_words, **numbers)
+        claim = effect.about.claimed_with(effect.place_in_words, numbers)
         assert not CODE_NAME.search(claim), claim
         assert not CODE_NAME.search(effect.missing_excitation(still) or "")
 

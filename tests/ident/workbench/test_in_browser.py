@@ -83,7 +83,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     assert page.evaluate("lrm.state.values.history[1].held") < 0.3 * history
     assert page.evaluate(ARROWS) < 0.3 * arrows
     idle(page, RANKED)
-    assert "no systematic error is left" in page.inner_text("#lrm-verdict")
+    assert "no further systematic error is seen" in page.inner_text("#lrm-verdict")
     shot(page, "after.png")
     unfold(page)
     page.select_option("#lrm-beside", "0")

@@ -63,7 +63,7 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
     first, second = session.step.report.file.history
     assert second.held_out_rms_mm is not None
     assert second.held_out_rms_mm < 0.3 * (first.held_out_rms_mm or 0.0)
-    assert "no systematic error is left" in session.step.report.verdict
+    assert "no further systematic error is seen" in session.step.report.verdict
     session.save(tmp_path / "saved.toml")
     for command in commands_text(session.taken.done).splitlines():
         words = command.replace("step-", "again-").split()[1:]

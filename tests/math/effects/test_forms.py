@@ -48,7 +48,7 @@ def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, k
         causes = (EffectRef.parse(name) for name in variants(effect))
         assert any(at in plain[name].places(lab) for name, at in causes)
         assert all(parameter.name.endswith("_" + parameter.unit) for parameter in effect.parameters)
-        effect.about.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+        effect.about.claimed_with(place, {p.name: "x" for p in effect.parameters})
 
 
 @pytest.mark.slow
@@ -194,3 +194,11 @@ def test_a_file_from_before_bends_at_the_middle(tmp_path: Path) -> None:
     expected, found = (solve_equilibrium(model, data.poses).tcp for model in (at_middle, old))
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert lrm.read_study(before, EXAMPLE).model.value(key) == 0.5
+
+
+def test_a_claim_says_the_sign_of_an_estimate_in_words(lab: Arm) -> None:
+    """A joint that stops apart by a negative angle meant nothing to its owner."""
+    gain = next(kind for kind in CATALOGUE if kind.id == "servo_gain")(lab, "joint1")
+    estimates = {"g_plus_rad_per_rad": "-2.4 ± 0.1 %", "g_minus_rad_per_rad": "0.3 ± 0.1 %"}
+    claim = gain.about.claimed_with("joint 1", estimates)
+    assert claim == "joint 1 turns 2.4 ± 0.1 % too little above zero and 0.3 ± 0.1 % too far below"
