@@ -16,7 +16,8 @@ from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 MOST_PARAMETERS = 24
-EXAMPLE_ARM = "so101"
+EXAMPLE_ARMS = ("so101", "lrm-rover")
+"""The first on which an effect can act serves: `quantisation` needs the table of every servo."""
 WHAT_A_FIELD_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
 OFFLINE = "explains a measurement session; never deployed silently"
 
@@ -35,11 +36,15 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
         plain = dict.fromkeys(EffectRef.parse(name).id for name in kind.variant_of)
         yield f"    another form of {' and '.join(plain)}, fitted beside it"
     if in_full:
-        arm = load_arm(EXAMPLE_ARM)
-        effect = kind(arm, kind.places(arm)[0])
         yield f"    source: {kind.about.source}"
         yield f"    needs: {kind.about.needs or 'nothing special'}"
         yield "    " + ("the rover can compensate it" if compensable(kind) else OFFLINE)
+        arms = map(load_arm, EXAMPLE_ARMS)
+        arm = next((one for one in arms if kind.places(one)), None)
+        if arm is None:
+            yield f"    places: none on {' or '.join(EXAMPLE_ARMS)}"
+            return
+        effect = kind(arm, kind.places(arm)[0])
         yield f"    places, for example on {arm.name}: {', '.join(kind.places(arm))}"
         yield f"    acts on: {_acts_on(effect)}"
         yield f"    parameters, for instance at {effect.place}:"

@@ -1,6 +1,6 @@
 """Causes thought of by somebody who had not written the tool, with the names that would be right, decided beforehand.
 
-Three parts, each run once before anything was learned from it: `unforeseen` (27 November's first run is in
+Three parts, each run once before anything was learned from it: `unforeseen` (counts of later runs are in
 docs/results.md; on what was learned from it they say less since), `blind` by somebody who had not read how `auto`
 decides, and `fresh` for a second test of what it claims. In mixed worlds the first truth is one that the catalogue
 knows. Joints and links count from 1 (link 0: the base).

@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from typer.testing import CliRunner
 from lrm_ident.cli.app import COMMANDS, SECTIONS, app, run
 from lrm_ident.cli.examples import EXAMPLES
 from lrm_ident.report.glossary import SOURCE, TERMS, term_named
+from lrm_math.effects import CATALOGUE
 from tests.conftest import ROOT
 from tests.support.commands import stderr_of, stdout_of
 
@@ -145,6 +147,27 @@ def test_a_term_an_effect_and_all_of_them_are_printed() -> None:
     assert stdout_of("explain", "--all").count("\n") >= len(TERMS)
     listed = " ".join(stdout_of("explain").split())
     assert all(term.name in listed for term in TERMS)
+
+
+@pytest.mark.parametrize("name", [kind.id for kind in CATALOGUE])
+def test_every_effect_is_explained_with_a_place(name: str) -> None:
+    """`quantisation` needs the table of every servo, which the SO-101 has not: it ended in a traceback."""
+    assert re.search(r"^    places, for example on [\w-]+: \w", stdout_of("explain", name), re.MULTILINE)
+
+
+def test_an_effect_of_ones_own_may_have_no_place_on_a_shipped_arm(tmp_path: Path) -> None:
+    own = tmp_path / "far.py"
+    own.write_text(
+        "from lrm_math.effects import Description, LinearEffect, Parameter\n"
+        "class Far(LinearEffect):\n"
+        "    id, about, targets = 'far', Description('c', 'f', 's'), ('joint9.theta',)\n"
+        "    parameters = (Parameter('a_rad', 'sine', 0.02),)\n"
+        "    @classmethod\n"
+        "    def places(cls, arm): return ('joint9',) if arm.dof > 8 else ()\n"
+        "    def basis(self, poses, tau): return ((poses.angle(8),),)\n",
+        encoding="utf-8",
+    )
+    assert "places: none on so101 or lrm-rover" in stdout_of("effects", "far", "--effects-file", str(own))
 
 
 def test_an_unknown_word_is_one_line_that_says_where_the_words_are() -> None:

@@ -2,7 +2,7 @@
 the ramp hands it to the serial port, and as the simulated board reads it, through a pseudo-terminal.
 
 `python -m tests.soak.hostile.estop_beside_floods [--stops N] [--loops 2 8] [--only WORD]` prints the table of
-docs/results.md. The load is made by busy loops; the load average is said with each row.
+docs/results-driving.md. The load is made by busy loops; the load average is said with each row.
 """
 
 from __future__ import annotations
