@@ -36,7 +36,7 @@ from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
-from validation.options import asked
+from validation.options import Count, asked
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
@@ -233,7 +233,9 @@ def goals_met(direct: list[IkAccuracy]) -> str:
 
 def main() -> None:
     options = asked(
-        __doc__, goals=(2000, "goals per model for the direct method"), cube_goals=(400, "goals per model for the cube")
+        __doc__,
+        goals=(Count(2000), "goals per model for the direct method"),
+        cube_goals=(Count(400), "goals per model for the cube"),
     )
     console, table = Console(width=140), Table(title="Calibrated inverse, one goal at a time", title_justify="left")
     shares: list[str] = []

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lrm_math.errors import LrmError
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.tables import markdown_table, table_row
 
@@ -59,7 +59,7 @@ def deployed_and_floor(one: dict[str, Any]) -> tuple[float, float]:
 
 def main() -> int:
     """Prints one line a seed."""
-    options = asked(__doc__, seeds=30, first=0)
+    options = asked(__doc__, seeds=Count(30), first=0)
     seeds = range(options.first, options.first + options.seeds)
     found = run_cases({str(seed): seed for seed in seeds}, demo_or_failure, lambda *of: table_row(row(*of)))
     print(markdown_table(COLUMNS, [row(key, one) for key, one in found.items()]))

@@ -20,7 +20,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.model.model import Model
 from validation import synthetic
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.synthetic_measurements import NOISE, measured
 
@@ -161,7 +161,7 @@ def line(name: str, found: IntervalCoverage) -> str:
 
 def main() -> None:
     """Prints the shares of all runs."""
-    options = asked(__doc__, seeds=SEEDS, jobs=1)
+    options = asked(__doc__, seeds=Count(SEEDS), jobs=1)
     found = run_cases({name: name for name in RUNS}, partial(examine, range(options.seeds)), line, options.jobs)
     print(f"{options.seeds} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
     print(*(line(*one) for one in found.items()), sep="\n")

@@ -21,7 +21,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.reading import Reading
 from validation import synthetic
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.synthetic_measurements import measured
 
@@ -220,7 +220,9 @@ def line(key: str, one: ReadingOutcome) -> str:
 
 def main() -> None:
     """Prints both, by halves."""
-    options = asked(__doc__, seeds=(1, "of every misreading and arm"), half=("report", None, sorted(HALVES)), jobs=1)
+    options = asked(
+        __doc__, seeds=(Count(1), "of every misreading and arm"), half=("report", None, sorted(HALVES)), jobs=1
+    )
     first = HALVES[options.half]
     wrong = [*product(ARMS, KINDS, range(first, first + options.seeds))]
     healthy = [(name, "", seed) for name, seed in product(HEALTHY, range(first, first + HEALTHY_SEEDS))]

@@ -7,6 +7,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from validation.runner import refuse
+
+
+class Count(int):
+    """A number of cases, or of what a case has: one or more."""
+
 
 def asked(description: str | None, *positional: str, **options: Any) -> argparse.Namespace:
     """The program's options as typed.
@@ -16,7 +22,7 @@ def asked(description: str | None, *positional: str, **options: Any) -> argparse
         positional: names of paths that must be given; with a "?" behind them, may be; with a "+", several.
         options: default by name, or (default, help), or (default, help, choices). The type is that of the default; a
             path's default may be None; False is a flag; a list takes several values, and may be given again, and one
-            that holds a type alone is empty.
+            that holds a type alone is empty. Of a `Count` less than one is refused.
     """
     spec = getattr(sys.modules["__main__"], "__spec__", None)
     name = "" if spec is None else spec.name.removesuffix(".__main__")
@@ -43,4 +49,7 @@ def asked(description: str | None, *positional: str, **options: Any) -> argparse
     for option, default in lists.items():  # argparse would extend the default
         if getattr(given, option) is None:
             setattr(given, option, default)
+    for option, value in vars(given).items():
+        if isinstance(value, Count) and value < 1:
+            refuse(f"--{option.replace('_', '-')} is {value}; it takes one or more")
     return given

@@ -30,7 +30,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation import synthetic
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.synthetic.generate import directions
 from validation.synthetic.screws import rotation_matrix
@@ -139,7 +139,7 @@ def transfer_table(outcomes: Sequence[TransferOutcome]) -> str:
 
 def main() -> None:
     """Prints the tables."""
-    options = asked(__doc__, seeds=SEEDS, first=0, jobs=1)
+    options = asked(__doc__, seeds=Count(SEEDS), first=0, jobs=1)
     seeds = range(options.first, options.first + options.seeds)
     outcomes = run_cases({str(seed): seed for seed in seeds}, examine, line, options.jobs).values()
     for rippled, words in ((False, "everything is in the model"), (True, "a gear ripple is hidden")):

@@ -18,12 +18,12 @@ from lrm_math.effects.reference import effect_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos
-from validation.options import asked
+from validation.options import Count, asked
 
 
 def main() -> None:
     """Prints the figures."""
-    given = asked(__doc__, photos=60, seeds=2)
+    given = asked(__doc__, photos=Count(60), seeds=Count(2))
     with tempfile.TemporaryDirectory() as name:
         folder, scene = Path(name), PhotoScene()
         write_lens_photos(folder / "lens", scene, 20)

@@ -33,7 +33,7 @@ from lrm_math.toml_file import read_toml
 from validation.fleet.expected_errors import expected_errors
 from validation.fleet.held_out_arm import HeldOutArm, identify
 from validation.fleet.simulated_fleet import ArmOfKind, simulated_fleet, write_fleet
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 
 FEW, MANY = 60, 150
@@ -123,7 +123,7 @@ def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> P
 def _options() -> argparse.Namespace:
     return asked(
         __doc__,
-        arms=(12, "arms in all"),
+        arms=(Count(12), "arms in all"),
         share=(2 / 3, "part of them that is the fleet"),
         seed=(1, "of the kind and its arms"),
         own=(0.03, "factor of the errors that differ from arm to arm"),

@@ -18,7 +18,7 @@ from validation.hidden_effects.catalogue import PARTS
 from validation.hidden_effects.examine import Task, examine
 from validation.hidden_effects.outcome import Outcome
 from validation.hidden_effects.tables import TITLE, faults, memories, report, section
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import ResultsFile, refuse, run_cases
 
 
@@ -30,8 +30,8 @@ def main() -> None:
         only=("", "only cases whose name contains one of these, by commas"),
         arm=("", "other arms for faults, by commas"),
         first=(0, "first seed"),
-        seeds=(5, "data sets per case"),
-        poses=(300, "poses per data set"),
+        seeds=(Count(5), "data sets per case"),
+        poses=(Count(300), "poses per data set"),
         jobs=(2, "worker processes"),
         cluster=("", "Dask scheduler; its workers need this repository on their path"),
         out=(None, "write the tables to this Markdown file too"),

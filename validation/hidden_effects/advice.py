@@ -28,7 +28,7 @@ from validation.hidden_effects.case import FIVE_LEVELS_DEG, Case
 from validation.hidden_effects.cases import SINGLE
 from validation.hidden_effects.data import NOISE_M, measured_poses, true_arm
 from validation.hidden_effects.examine import base_model
-from validation.options import asked
+from validation.options import Count, asked
 from validation.synthetic import even_schedule, load_arm, simulate
 from validation.synthetic.files import write
 
@@ -98,7 +98,9 @@ def _diagnosed(case: Case, seed: int, q: Array, load: Array) -> DiagnosisReport:
 
 def main() -> None:
     """Prints each case, and the counts."""
-    options = asked(__doc__, only=("", "only cases whose name contains one of these, by commas"), seeds=(2, "arms"))
+    options = asked(
+        __doc__, only=("", "only cases whose name contains one of these, by commas"), seeds=(Count(2), "arms")
+    )
     counts: Counter[tuple[str, str]] = Counter()
     for name in (name for name in HIDDEN if any(word in name for word in options.only.split(","))):
         for seed in range(options.seeds):

@@ -21,7 +21,7 @@ from lrm_math.errors import LrmError
 from validation.hidden_effects.case import ARM_FILE, Case
 from validation.hidden_effects.cases import SINGLE
 from validation.hidden_effects.data import dataset
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.synthetic import ArmDescription, Dataset, HiddenEffect, write
 from validation.synthetic.hidden_bodies import WrongBody, WrongLoad
@@ -164,7 +164,12 @@ def line(key: str, found: list[tuple[str, str, float]] | str) -> str:
 def main() -> None:
     """Prints the share by effect."""
     options = asked(
-        __doc__, seeds=3, first=(0, "first seed"), poses=150, only=("", "cases whose name contains this"), jobs=1
+        __doc__,
+        seeds=Count(3),
+        first=(0, "first seed"),
+        poses=Count(150),
+        only=("", "cases whose name contains this"),
+        jobs=1,
     )
     seeds = range(options.first, options.first + options.seeds)
     cases = {f"{seed} {name}": (name, seed) for seed in seeds for name in SINGLE if options.only in name}

@@ -22,7 +22,7 @@ from lrm_math.effects.reference import ParameterRef
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from validation.motion.world import JOINTS, TrueJoints, driven, hand
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 
 WAYS = ("requests", "corrected")
@@ -133,7 +133,7 @@ def _line(_key: str, one: TrackingErrors) -> str:
 
 def main() -> None:
     """Prints a line for each arm."""
-    chosen = asked(__doc__, arms=5, off=(0.0, "share by which the model's values are off"))
+    chosen = asked(__doc__, arms=Count(5), off=(0.0, "share by which the model's values are off"))
     seeds = {str(seed): seed for seed in range(chosen.arms)}
     for key, one in run_cases(seeds, partial(examined, chosen.off), _line).items():
         print(f"seed {key}: {_line(key, one)}")

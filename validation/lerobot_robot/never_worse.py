@@ -25,7 +25,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
 from validation.lerobot_robot.continuity import HELD, random_model
 from validation.lerobot_robot.fitted_arms import fitted_arms
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.tables import markdown_table, table_row
 
@@ -151,7 +151,9 @@ def cells(found: Sequence[RestErrors]) -> Iterator[str]:
 
 def main() -> None:
     """Prints the table."""
-    chosen = asked(__doc__, models=20, rests=30, fitted=(8, "models that are fitted to hidden arms"), jobs=1)
+    chosen = asked(
+        __doc__, models=Count(20), rests=Count(30), fitted=(8, "models that are fitted to hidden arms"), jobs=1
+    )
     cases = {f"{name}, exact, {drawn}": (name, drawn) for name in ("so101", "lrm-rover") for drawn in DRAWN}
     found = run_cases(cases, partial(exact_rests, chosen.models, chosen.rests), _line, chosen.jobs)
     if chosen.fitted:

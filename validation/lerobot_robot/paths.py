@@ -13,7 +13,7 @@ import numpy as np
 
 from validation.lerobot_robot.continuity import PathFigures, figures, follow, followed_without_bounds, random_path
 from validation.lerobot_robot.fitted_arms import FittedArm, fitted_arms
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.tables import markdown_table, table_row
 
@@ -34,8 +34,8 @@ def main() -> None:
     """Prints a row for each arm."""
     chosen = asked(
         __doc__,
-        models=(200, "of all arms together"),
-        paths=(10_000, "of all arms together"),
+        models=(Count(200), "of all arms together"),
+        paths=(Count(10_000), "of all arms together"),
         arm=([*ARMS], "only these", ARMS),
         jobs=1,
     )

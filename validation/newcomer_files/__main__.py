@@ -27,7 +27,7 @@ from validation.newcomer_files.outcome import (
 )
 from validation.newcomer_files.readings import READINGS
 from validation.newcomer_files.recordings import recording
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.tables import markdown_table
 
@@ -38,7 +38,7 @@ KINDS = (*FITTED, *OTHERS)
 
 def main() -> None:
     """Reads the options, runs, prints."""
-    options = asked(__doc__, changes=(2000, "how many"), first=(0, "number of the first one"), jobs=1)
+    options = asked(__doc__, changes=(Count(2000), "how many"), first=(0, "number of the first one"), jobs=1)
     print(outcome_table(run(range(options.first, options.first + options.changes), options.jobs)))
 
 

@@ -17,7 +17,7 @@ from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, PredictedSettling
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arrays import Array
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import json_text, run_cases
 from validation.swinging_arm.rig import SwingingRover, tip_of
 from validation.tables import markdown_table, table_row
@@ -78,7 +78,7 @@ def main() -> None:
     """Prints the table."""
     given = asked(
         __doc__,
-        poses=60,
+        poses=Count(60),
         pwm=[50.0],
         frames=(False, "servos see new pulses at the board's frames only"),
         only=("", "only rows with this word in their name"),

@@ -26,7 +26,7 @@ from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.servo import LARGE_SERVO
 from lrmd.sim.swing import inertia
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import json_text, run_cases
 from validation.swinging_arm.rig import SPRINGS, SwingingRover, known_model, tip_of
 
@@ -140,7 +140,7 @@ def main() -> None:
     """Prints a row for each shaper."""
     given = asked(
         __doc__,
-        moves=100,
+        moves=Count(100),
         pwm=([50.0], "Hz, of the pulses"),
         kinds=(["off", "zvd", "timed"], "of shaping"),
         clock=(0.0, "relative error of the board's oscillator_hz"),

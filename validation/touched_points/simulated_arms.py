@@ -36,7 +36,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation import synthetic
-from validation.options import asked
+from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.synthetic import Deviations, GroundTruth, HiddenEffect
 from validation.tables import markdown_table, table_row
@@ -341,7 +341,7 @@ def main() -> None:
         seed=1,
         only=("", "numbers of cases by commas"),
         most=(2, "effects that auto may add"),
-        touches=TOUCHES,
+        touches=Count(TOUCHES),
         tracker_poses=(0, "poses that the tracker measures; 0: as many as touches"),
         jobs=1,
     )
