@@ -29,9 +29,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "servo": (f"{IDENT} stiffness {SERVO} --figure PICTURE",),
     "cross-load": (
         "validation.two_loads .",
-        "validation.thesis options no-load.csv loaded.csv --arm lrm-lab --cross-figure PICTURE",
+        "validation.thesis no-load.csv loaded.csv --arm lrm-lab --cross-figure PICTURE",
     ),
-    "step-size": ("validation.thesis step-size lrm-lab --figure PICTURE",),
     "reach": (f"{IDENT} reach lrm-rover --figure PICTURE",),
     "motion": (
         "validation.motion --only coulomb --write recording",
@@ -47,7 +46,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
         "servo_gain@joint2,eccentricity@joint2 -o next.csv --figure PICTURE",
     ),
     "identifiability": (f"{IDENT} identify-parameters lrm-lab REAL --figure PICTURE",),
-    "options": ("validation.thesis options REAL --arm lrm-lab --figure PICTURE",),
+    "options": ("validation.thesis REAL --arm lrm-lab --figure PICTURE",),
 }
 """Modules and their arguments, in order; PICTURE is the file that is drawn, REAL the real measurements."""
 

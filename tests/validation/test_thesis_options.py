@@ -220,7 +220,7 @@ def test_the_command_writes_what_it_draws(tmp_path: Path, method: OptionStudy, l
         (tmp_path / f"{name}.csv").write_text(measurements_csv(one.data))
     words = ["--arm", "lrm-lab", "--only", "option1,option1_2,option5", "--beside", "no-load"]
     files = ["--figure", tmp_path / "a.svg", "--cross-figure", tmp_path / "b.png", "--json", tmp_path / "o.json"]
-    said = stdout_of("options", tmp_path / "light.csv", tmp_path / "heavy.csv", *words, *files, program=thesis)
+    said = stdout_of(tmp_path / "light.csv", tmp_path / "heavy.csv", *words, *files, program=thesis)
     assert "option 1₂" in said
     tables = json.loads((tmp_path / "o.json").read_text())
     assert [len(one["options"]) for one in tables["data_sets"]] == [3, 3]
@@ -241,7 +241,7 @@ def test_the_command_writes_what_it_draws(tmp_path: Path, method: OptionStudy, l
 
 def test_wrong_words_are_one_line() -> None:
     for words in (["--only", "option7"], ["--beside", "full"], ["--cross-figure", "x.png"], ["-n", "301"]):
-        assert stderr_of("options", EXAMPLE, *words, program=thesis)
+        assert stderr_of(EXAMPLE, *words, program=thesis)
 
 
 @pytest.mark.long

@@ -1,1 +1,1 @@
-"""The method of Conenna 2024 beside ours: its options, its published results, its step of differences."""
+"""The method of Conenna 2024 beside ours: its options and its published results."""

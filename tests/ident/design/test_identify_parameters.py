@@ -1,4 +1,4 @@
-"""Which parameters poses can tell, and how small a step differences should take."""
+"""Which parameters poses can tell."""
 
 from __future__ import annotations
 
@@ -26,8 +26,6 @@ from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.random_arms import arms, random_arm
 from tests.support.sweep import examples
-from validation.thesis.__main__ import main as thesis
-from validation.thesis.finite_difference_study import study_step_sizes
 
 HEADER = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
 
@@ -144,33 +142,15 @@ def test_the_28_of_the_thesis_are_independent_on_its_poses(real: Measurements, l
     assert vars(found.observability["scaled"]) == pytest.approx(vars(whole), rel=1e-9)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
-def test_differences_err_as_theory_says(lab: Arm, angle: float) -> None:
-    """Truncation falls with ε², round-off grows with 1/ε, and between them the derivative is right to 1e-9."""
-    model = model_45(lab)
-    steps = [1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-5, 1e-3, 1e-2]
-    kinematic, elastic = study_step_sizes(
-        model, {name: THESIS_OPTIONS[name] for name in ("option2", "option3")}, [np.radians(angle)], steps=steps
-    )
-    error = dict(zip(kinematic.steps, kinematic.error, strict=True))
-    assert error[1e-2] / error[1e-3] == pytest.approx(100.0, rel=0.05)
-    assert 1e3 < error[1e-14] / error[1e-10] < 1e5
-    assert kinematic.best[1] < 1e-9 > elastic.best[1]
-    assert elastic.exact > 100 * kinematic.exact
-    softened = dict(zip(elastic.steps, elastic.error, strict=True))
-    assert softened[1e-5] / softened[1e-6] == pytest.approx(100.0, rel=0.05)
-    assert 1e-2 in elastic.no_equilibrium
-    assert all(np.isfinite(study.error).all() for study in (kinematic, elastic))
-
-
 def test_the_norm_of_the_thesis(lab: Arm) -> None:
     """Conenna 2024, section 4.6: about 7e5 at the home position, the kinematic one three orders smaller."""
-    both = {name: THESIS_OPTIONS[name] for name in ("option1", "option2")}
-    whole, kinematic = study_step_sizes(model_45(lab), both, [0.0], steps=[1e-9])
-    assert whole.exact == pytest.approx(7e5, rel=0.05)
-    assert 2.5 < np.log10(whole.exact / kinematic.exact) < 3.5
-    assert whole.norm[0] == pytest.approx(whole.exact, rel=1e-6)
+    equilibrium = solve_equilibrium(model_45(lab), poses_of(np.zeros(lab.dof)))
+    whole, kinematic = (
+        np.linalg.norm(identification_jacobian(equilibrium, THESIS_OPTIONS[name], "thesis"))
+        for name in ("option1", "option2")
+    )
+    assert whole == pytest.approx(7e5, rel=0.05)
+    assert 2.5 < np.log10(whole / kinematic) < 3.5
 
 
 def written(folder: Path, arm: Arm) -> Path:
@@ -192,11 +172,6 @@ def test_the_commands_and_what_stands_behind_their_figures(tmp_path: Path, lab: 
     behind = read_csv(tmp_path / "i.csv", ["units", "set", "number", "singular_value_mm"])
     assert len(behind.rows) == 2 * (45 + len(found["kept"]))
     assert (tmp_path / "i.svg").read_text().lstrip().startswith("<?xml")
-    files = ["--json", tmp_path / "s.json", "--figure", tmp_path / "s.png"]
-    stdout_of("step-size", "lrm-lab", "--angles", "0", *files, program=thesis)
-    studies = json.loads((tmp_path / "s.json").read_text())["studies"]
-    assert [study["parameters"] for study in studies] == ["option1", "option2", "option3"]
-    assert len(read_csv(tmp_path / "s.csv", ["step", "relative_error"]).rows) == sum(len(s["steps"]) for s in studies)
 
 
 @pytest.mark.parametrize(
@@ -211,8 +186,3 @@ def test_the_commands_and_what_stands_behind_their_figures(tmp_path: Path, lab: 
 def test_bad_words_get_one_line(tmp_path: Path, lab: Arm, words: list[str], said: str) -> None:
     poses = written(tmp_path, lab)
     assert said in stderr_of(*(word.format(poses=poses) for word in words))
-
-
-@pytest.mark.parametrize(("angles", "said"), [("0,ninety", "angles in deg"), ("170", "joint 1: -100 to 100 deg")])
-def test_bad_angles_get_one_line(angles: str, said: str) -> None:
-    assert said in stderr_of("step-size", "lrm-lab", "--angles", angles, program=thesis)
