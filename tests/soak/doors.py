@@ -8,7 +8,6 @@ a law.
 
 from __future__ import annotations
 
-import argparse
 import math
 import statistics
 import sys
@@ -22,16 +21,18 @@ from tests.doors.laws import (
     torque_on_moves_nothing,
 )
 from tests.doors.registry import door_kinds
+from validation.options import Count, asked
 
 
 def main() -> int:
     """Prints the table; 1 if a law was broken."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--instants", type=int, default=500, help="of each door")
-    parser.add_argument("--first", type=int, default=1000, help="seed of the first instant")
-    parser.add_argument("--abreast", type=int, help="at most so many side by side of a door that takes real time")
-    parser.add_argument("--door", default="", help="one door alone")
-    chosen = parser.parse_args()
+    chosen = asked(
+        __doc__,
+        instants=(Count(500), "of each door"),
+        first=(1000, "seed of the first instant"),
+        abreast=(0, "at most so many side by side of a door that takes real time; 0: as many as it can"),
+        door=("", "one door alone"),
+    )
     broken = 0
     print("| door | still after a stop: median | worst (s) | after lost contact: median | worst (s)", end="")
     print(" | turn at torque on: median | worst (deg) |")

@@ -8,7 +8,6 @@ the board refused it with no fault shortly before.
 
 from __future__ import annotations
 
-import argparse
 import gc
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from lrmd.control.state_machine import STATIONARY, Mode
 from lrmd.messages.codec import Message
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, RelaxRequest, ResetRequest
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from validation.options import asked
 
 SECOND = 1_000_000_000
 RENEW = 20
@@ -182,10 +182,7 @@ def run_endurance(hours: float, seed: int, report: Callable[[str], None]) -> End
 
 def main() -> int:
     """Prints the counts; exit code 1 if an invariant was broken or a frame was bad."""
-    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--hours", type=float, default=24.0, help="simulated (default: %(default)s)")
-    p.add_argument("--seed", type=int, default=0)
-    options = p.parse_args()
+    options = asked(__doc__, hours=(24.0, "simulated"), seed=0)
     try:
         run = run_endurance(options.hours, options.seed, lambda line: print(line, flush=True))
     except AssertionError as error:

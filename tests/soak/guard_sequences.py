@@ -8,7 +8,6 @@ python -m tests.soak.guard_sequences --sequences 10000
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.support.daemon.guarded_sequence import GuardedSequence, SequenceResult
+from validation.options import Count, asked
 
 
 class SequenceWithCentres(GuardedSequence):
@@ -36,12 +36,13 @@ FASTER = 5
 
 def main() -> int:
     """Runs the sequences; 1 if one of them broke the law."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sequences", type=int, default=10_000)
-    parser.add_argument("--first", type=int, default=1000, help="seed of the first one")
-    parser.add_argument("--requests", type=int, default=4, help="kinds of behaviour in a row, of each sequence")
-    parser.add_argument("--tell", type=int, default=500, help="sequences between two lines of the output")
-    options = parser.parse_args()
+    options = asked(
+        __doc__,
+        sequences=Count(10_000),
+        first=(1000, "seed of the first one"),
+        requests=(Count(4), "kinds of behaviour in a row, of each sequence"),
+        tell=(Count(500), "sequences between two lines of the output"),
+    )
     started, total, broken = time.process_time(), Totals(), 0
     for seed in range(options.first, options.first + options.sequences):
         result = SequenceWithCentres(seed).run(options.requests, contacts=True)

@@ -9,7 +9,6 @@ Exit code 1 if not.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import tempfile
@@ -24,6 +23,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrmd.client import Rover
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
 from tests.support.daemon.tracker_of_board import tracker_of
+from validation.options import Count, asked
 
 START = (0.0, -60.0, 0.0, 0.0, 0.0, 0.0)
 LATEST_S = 8.0
@@ -59,10 +59,7 @@ def killed(command: list[str], data: Path, after: float, rover: Rover) -> str:
 
 def main() -> int:
     """Kills, then lets it finish, and says what is in the file."""
-    parser = argparse.ArgumentParser("tests.soak.killed_campaign", description=__doc__)
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = asked(__doc__, kills=Count(50), seed=0)
     rng, faults = np.random.default_rng(options.seed), list[str]()
     with tempfile.TemporaryDirectory(prefix="lrm-killed-") as folder:
         setup = DaemonSetup.make(Path(folder), {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
@@ -73,18 +70,8 @@ def main() -> int:
         with UdpTracker("127.0.0.1", 0) as probe:
             port = probe.port
         command = [sys.executable, "-m", "lrm_ident", "measure", str(plan), "--connect", setup.endpoint]
-        command += [
-            "--tracker",
-            f"dtrack:{port}",
-            "-o",
-            str(data),
-            "--pause",
-            "0.3",
-            "--settle",
-            "0.1",
-            "--dwell",
-            "0.2",
-        ]
+        command += ["--tracker", f"dtrack:{port}", "-o", str(data)]
+        command += ["--pause", "0.3", "--settle", "0.1", "--dwell", "0.2"]
         daemon = running_daemon(setup, "--start-deg", ",".join(map(str, START)))
         with daemon as (board, _), tracker_of(board, port), setup.rover() as rover:
             names = rover.info().names[:6]

@@ -22,8 +22,7 @@ import zenoh
 
 from lrmd.messages.zenoh_session import client
 from tests.soak.hostile.flood import ROOT, hog
-from tests.soak.hostile.process_memory import ROLES
-from tests.soak.hostile.steady_memory import memory
+from tests.soak.hostile.memory import ROLES, memory
 from tests.soak.hostile.trial import trial
 from tests.support.daemon.daemon_process import COOL
 from tests.support.daemon.pulse_invariants import read_frames

@@ -5,19 +5,16 @@ python -m tests.soak.lines --lines 200
 
 from __future__ import annotations
 
-import argparse
 import sys
 
 from lrmd.ik.straight_line import TOLERANCE
 from tests.support.daemon.random_lines import random_lines
+from validation.options import Count, asked
 
 
 def main() -> int:
     """Walks the lines; 1 if the tip left one by more than the tolerance."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--lines", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = asked(__doc__, lines=Count(200), seed=0)
     walked, ended, lines = [], 0, random_lines(options.seed)
     while len(walked) < options.lines:
         line = next(lines)

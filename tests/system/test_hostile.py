@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.soak.hostile.attacks import ALL, carry_out
-from tests.soak.hostile.client_memory import CLIENTS, GROWTH_MB, measure
-from tests.soak.hostile.process_memory import flood, grown, too_much
+from tests.soak.hostile.memory import flood, grown, left_by_clients, too_much
 from tests.soak.hostile.trial import trial
 
 SHORT = (
@@ -35,11 +34,11 @@ def test_under_attack_no_pulse_jumps_and_none_is_switched_on_unasked(name: str) 
 @pytest.mark.parametrize("kind", ["deploy", "stuff", "starve"])
 def test_no_process_grows_by_much_and_none_is_kept_from_its_work(kind: str, tmp_path: Path) -> None:
     with trial(tmp_path) as t:
-        growth = grown(t, partial(flood, t, kind, 2, 2.0))
+        growth = grown(t, partial(flood, t, (kind, kind), 2.0))
         assert not too_much(growth), growth
         assert t.result(kind).moves > 0, "and the laws of the pulses hold"
 
 
 def test_clients_that_come_and_go_leave_no_memory_behind() -> None:
-    before, after = measure(CLIENTS)
-    assert after.growth(before) < GROWTH_MB
+    """With zenoh's shared memory one alone leaves about 20 MB."""
+    assert left_by_clients(100) < 30.0

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 
 from tests.soak.hostile.attacks import ALL, carry_out
 from tests.soak.hostile.trial import HEAD
+from validation.options import asked
+from validation.runner import NO_CASE, refuse
 
 
 def main() -> int:
     """Prints one line per attack; 1 if a law was broken."""
-    parser = argparse.ArgumentParser("tests.soak.hostile", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0, help="for all attacks together, without their starts")
-    parser.add_argument("--only", default="", metavar="WORD", help="only attacks with this word in their name")
-    parser.add_argument(
-        "--shaping", default="off", choices=["off", "zv", "zvd", "zvdd", "timed"], help="of the daemon's moves"
+    options = asked(
+        __doc__,
+        minutes=(10.0, "for all attacks together, without their starts"),
+        only=("", "only attacks with this word in their name"),
+        shaping=("off", "of the daemon's moves", ["off", "zv", "zvd", "zvdd", "timed"]),
     )
-    options = parser.parse_args()
     chosen = [name for name in ALL if options.only in name]
+    if not chosen:
+        refuse(NO_CASE)
     print(HEAD, flush=True)
     broken, worst = 0, 0.0
     for name in chosen:

@@ -116,17 +116,13 @@ class Trial:
     def estop(self) -> None:
         """Stops the arm as a stranger would, if it has pulses; waits until they are off. Measured in `result`."""
         with EstopClient(self.setup.endpoint, self.setup.key("cmd/estop")) as client:
-            self.estop_by(client)
-
-    def estop_by(self, client: EstopClient) -> None:
-        """The same by a client that is connected already."""
-        self._pause.set()
-        try:
-            if self.board.pulses():
-                self.estops_at.append(client.stop())
-                wait_for(lambda: not self.board.pulses(), "the pulses stop", seconds=5.0)
-        finally:
-            self._pause.clear()
+            self._pause.set()
+            try:
+                if self.board.pulses():
+                    self.estops_at.append(client.stop())
+                    wait_for(lambda: not self.board.pulses(), "the pulses stop", seconds=5.0)
+            finally:
+                self._pause.clear()
 
     def wait_until_it_moves(self) -> None:
         """After an attack: the arm can be moved again on request. Raises `WaitTimeout`, with the last refusal."""
