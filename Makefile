@@ -130,8 +130,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
 	$(ONE_THREAD) $(BIN)/python -m bench.motion
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
-	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
-	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
+	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES) --seconds 20
 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)

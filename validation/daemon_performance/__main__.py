@@ -1,27 +1,31 @@
-"""Speed and punctuality of the daemon, in real processes on a simulated board.
+"""Speed and punctuality of the daemon, in real processes on a simulated board: the worst value counts.
 
-`python -m validation.daemon_performance [--minutes 10] [--kills 100] [--only PART]`: the worst value counts.
+`python -m validation.daemon_performance [--minutes 10] [--kills 100] [--only PART]`. Parts `direct` and `cube`: the
+daemon with the thesis's model (option 1) answers inverse kinematics by this method while the arm moves.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import statistics
 import sys
-from collections.abc import Callable, Mapping, Sequence
-
-from rich.console import Console
-from rich.table import Table
+from collections.abc import Callable, Mapping
 
 from lrm_math.errors import LrmError
 from validation.daemon_performance import faults, timing
 from validation.daemon_performance.measurement import PerformanceFigure
+from validation.options import Count, asked
+from validation.tables import markdown_table
+
+COLUMNS = ("what", "min", "median", "max", "unit", "at most", "")
 
 
-def parts(minutes: float, kills: int) -> Mapping[str, Callable[[], list[PerformanceFigure]]]:
+def parts(
+    minutes: float, kills: int, seconds: float, per_s: float
+) -> Mapping[str, Callable[[], list[PerformanceFigure]]]:
     """Parts of the measurement by name."""
+    thesis = timing.THESIS_MODEL
     return {
         "starts": lambda: timing.starts(5),
         "idle": lambda: timing.idle(20),
@@ -30,7 +34,9 @@ def parts(minutes: float, kills: int) -> Mapping[str, Callable[[], list[Performa
         "leases": lambda: faults.leases(10),
         "child-kills": lambda: faults.child_kills(kills),
         "api-kills": lambda: faults.api_kills(kills),
-        "lateness": lambda: timing.lateness(minutes),
+        "lateness": lambda: timing.beside_queries(60 * minutes),
+        "direct": lambda: timing.beside_queries(seconds, "direct", per_s, thesis),
+        "cube": lambda: timing.beside_queries(seconds, "cube", per_s, thesis),
     }
 
 
@@ -47,43 +53,29 @@ def _verdict(figure: PerformanceFigure) -> tuple[str, str]:
     if figure.goal is None:
         return "", ""
     missed = sum(value > figure.goal for value in figure.values)
-    said = f"[red]missed[/red], {missed} of {len(figure.values)}" if missed else "reached"
-    return f"{figure.goal:.4g}", said
-
-
-def table_of(figures: Sequence[PerformanceFigure]) -> Table:
-    """One part's figures, in columns that are the same for every part."""
-    table = Table()
-    for name, width in (("what", 51), ("min", 6), ("median", 6), ("max", 6), ("", 2), ("at most", 7), ("", 17)):
-        table.add_column(name, width=width, justify="right" if width in (6, 7) else "left")
-    for figure in figures:
-        table.add_row(*row(figure))
-    return table
+    return f"{figure.goal:.4g}", f"missed, {missed} of {len(figure.values)}" if missed else "reached"
 
 
 def main() -> int:
     """Measures and prints; exit code 1 if an invariant was broken or a part failed, not for a missed goal."""
-    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    p.add_argument("--minutes", type=float, default=10.0, help="how long lateness is measured (default: %(default)g)")
-    p.add_argument("--kills", type=int, default=100, help="of each process (default: %(default)s)")
-    p.add_argument("--only", choices=list(parts(0, 0)), metavar="PART", help=", ".join(parts(0, 0)))
-    options = p.parse_args()
-    chosen = {
-        n: run for n, run in parts(options.minutes, options.kills).items() if options.only in (None, n)
-    }  # fmt: skip
-    console, broken = Console(width=120), 0
-    console.print("The daemon in real processes on a simulated board")
-    for name, run in chosen.items():
-        with console.status(name):
+    options = asked(
+        __doc__,
+        minutes=(10.0, "how long lateness is measured"),
+        kills=(Count(100), "of each process"),
+        only=("", "one part", ["", *parts(0, 0, 0, 0)]),
+        seconds=(60.0, "of queries by each method"),
+        per_s=(timing.QUERIES_PER_S, "of these queries"),
+    )
+    broken = 0
+    for name, run in parts(options.minutes, options.kills, options.seconds, options.per_s).items():
+        if options.only in ("", name):
             try:
-                figures = run()
+                print(f"{name}\n\n{markdown_table(COLUMNS, map(row, run()))}\n", flush=True)
             except (AssertionError, LrmError) as error:
                 broken += 1
-                console.print(f"[red]{name}: {error}[/red]")
-                continue
-        console.print(table_of(figures))
-    console.print(f"Python {platform.python_version()}, {platform.release()}, {os.cpu_count()} processors, ", end="")
-    console.print(f"load {os.getloadavg()[0]:.1f}")
+                print(f"{name}: {error}\n", flush=True)
+    load = f"load {os.getloadavg()[0]:.1f}"
+    print(f"Python {platform.python_version()}, {platform.release()}, {os.cpu_count()} processors, {load}")
     return 1 if broken else 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,10 +29,10 @@ class PerformanceFigure:
 
 
 @contextmanager
-def setup_with_board() -> Iterator[tuple[DaemonSetup, BoardProcess]]:
-    """A folder of its own, gone afterwards, and a board in it."""
+def setup_with_board(changes: Mapping[str, str] | None = None) -> Iterator[tuple[DaemonSetup, BoardProcess]]:
+    """A folder of its own, gone afterwards, and a board in it. `changes`: as those of `DaemonSetup.make`."""
     with TemporaryDirectory() as folder:
-        setup = DaemonSetup.make(Path(folder))
+        setup = DaemonSetup.make(Path(folder), changes)
         with BoardProcess(setup) as board:
             yield setup, board
 
@@ -57,9 +57,9 @@ class PerformanceHarness(DaemonHarness):
 
 
 @contextmanager
-def running_harness() -> Iterator[PerformanceHarness]:
-    """A harness, and all of it ended afterwards."""
-    with setup_with_board() as (setup, board), connected(setup) as (daemon, rover):
+def running_harness(changes: Mapping[str, str] | None = None) -> Iterator[PerformanceHarness]:
+    """A harness, and all of it ended afterwards. `changes`: as those of `DaemonSetup.make`."""
+    with setup_with_board(changes) as (setup, board), connected(setup) as (daemon, rover):
         yield PerformanceHarness(setup, board, daemon, rover)
 
 

@@ -10,8 +10,9 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
+from typing import Literal, Self
 
 import zenoh
 from scipy.spatial.transform import Rotation
@@ -22,9 +23,15 @@ from lrmd.messages.control import JointsState, MetricsState
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon.daemon_process import START_TIMEOUT, DaemonProcess, DaemonSetup, children
+from validation.calibrated_ik import TABLE_B2
 from validation.daemon_performance.measurement import MS, PerformanceFigure, running_harness, setup_with_board
 
-QUERIES_PER_S = 200
+QUERIES_PER_S = 200.0
+METRICS_S = 1.1
+"""Metrics are a second old at most."""
+Method = Literal["direct", "cube"]
+THESIS_MODEL = {'# model = "/etc/lrm/model.toml"': f'model = "{TABLE_B2}"'}
+"""The thesis's model (option 1) of the rover's arm, as a change of the daemon's configuration."""
 REST = {"joint2": math.radians(-60.0)}
 """Upright, where turning joint 6 loads nothing: stretched out, the daemon sends the arm to rest after some minutes."""
 
@@ -85,14 +92,21 @@ def idle(seconds: float) -> list[PerformanceFigure]:
     ]
 
 
-def lateness(minutes: float) -> list[PerformanceFigure]:
-    """Lateness of the ramp's ticks while the arm moves and a client sends 200 IK queries a second."""
-    with running_harness() as h, h.rover.control("bench"), zenoh.open(client([h.setup.endpoint])) as session:
+def beside_queries(
+    seconds: float, method: Method = "direct", per_s: float = QUERIES_PER_S, changes: Mapping[str, str] | None = None
+) -> list[PerformanceFigure]:
+    """Lateness of the ramp's ticks while the arm moves and a client asks for poses that it can reach; and how long the
+    answers take. `changes`: as those of `DaemonSetup.make`."""
+    with running_harness(changes) as h, h.rover.control("bench"), zenoh.open(client([h.setup.endpoint])) as session:
+        queries = reachable_queries(h.rover, method)
         h.arm()
         h.rover.move(REST)
-        with QueryLoad(session, h.setup, reachable_queries(h.rover)) as load:
-            swing_joint6(h.rover, 60 * minutes)
-        return [*lateness_figures(h.rover.metrics()), *load.figures(60 * minutes), h.step()]
+        with QueryLoad(session, h.setup, queries, per_s) as load:
+            swing_joint6(h.rover, seconds)
+        time.sleep(METRICS_S)
+        metrics = h.rover.metrics()
+        assert not {"ramp_died", "ik_died"} & set(h.daemon.codes()), "a process died meanwhile"
+        return [*lateness_figures(metrics), *load.figures(seconds), h.step()]
 
 
 def swing_joint6(rover: Rover, seconds: float) -> None:
@@ -120,8 +134,8 @@ def lateness_figures(m: MetricsState) -> list[PerformanceFigure]:
     ]
 
 
-def reachable_queries(rover: Rover) -> list[bytes]:
-    """Questions for poses that the arm can reach, by the method that takes about a millisecond."""
+def reachable_queries(rover: Rover, method: Method) -> list[bytes]:
+    """Questions for poses that the arm can reach."""
     rng = random.Random(0)
     q = [[rng.uniform(-1.0, 1.0) for _ in range(6)] for _ in range(200)]
     while True:
@@ -130,7 +144,7 @@ def reachable_queries(rover: Rover) -> list[bytes]:
         except NoReply:  # the daemon is ready before its ik process is
             time.sleep(0.2)
         else:
-            return [pack(IkRequest(goals=[_goal(answer)], method="direct")) for answer in answers]
+            return [pack(IkRequest(goals=[_goal(answer)], method=method)) for answer in answers]
 
 
 def _goal(answer: FkAnswer) -> GoalEntry:
@@ -141,9 +155,7 @@ def _goal(answer: FkAnswer) -> GoalEntry:
 class QueryLoad:
     """A client that asks `per_s` times a second, whether answers come or not. `took`: ms, of those answered."""
 
-    def __init__(
-        self, session: zenoh.Session, setup: DaemonSetup, requests: list[bytes], per_s: float = QUERIES_PER_S
-    ) -> None:
+    def __init__(self, session: zenoh.Session, setup: DaemonSetup, requests: list[bytes], per_s: float) -> None:
         self._period = 1 / per_s
         self._session, self._key, self._requests = session, setup.key("rpc/ik"), requests
         self._over = threading.Event()
