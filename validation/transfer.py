@@ -97,8 +97,7 @@ def leant(arm: synthetic.ArmDescription, rng: np.random.Generator) -> synthetic.
     """The arm under gravity that leans to a random side of the frame of measurement."""
     angle, side = rng.uniform(0.0, MOST_LEAN), rng.uniform(0.0, 2.0 * math.pi)
     turn = angle * np.array([math.cos(side), math.sin(side), 0.0])
-    x, y, z = (rotation_matrix(turn) @ np.array(arm.gravity_m_per_s2)).tolist()
-    return replace(arm, gravity_m_per_s2=(x, y, z))
+    return arm.tilted(turn)
 
 
 def _poses(arm: synthetic.ArmDescription, count: int, seed: int) -> Array:

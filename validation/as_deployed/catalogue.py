@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from validation.as_deployed import effects
 from validation.as_deployed.pose_choice import PoseChoice
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
@@ -27,13 +28,18 @@ from validation.synthetic.hidden_links import LooseBase
 from validation.synthetic.hidden_tracker import FoamMat
 
 MEASURING_S, PACE_S = 4500.0, 15.0
-ANY_POSES = PoseChoice()
+ANY_POSES, LEVEL = PoseChoice(), np.zeros(3)
 PHYSICAL = (FoamMat,)
 
 
-def recording_of(case: Case, seed: int, poses: int, choice: PoseChoice = ANY_POSES) -> WorldRecording:
-    """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed."""
-    number, arm = FIRST_SEED[case.part] + seed, load_arm(case.arm_file)
+def recording_of(
+    case: Case, seed: int, poses: int, choice: PoseChoice = ANY_POSES, gravity_turn_rad: Array = LEVEL
+) -> WorldRecording:
+    """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed.
+
+    `gravity_turn_rad`: (3,), rotation vector by which gravity is tilted in the frame of measurement.
+    """
+    number, arm = FIRST_SEED[case.part] + seed, load_arm(case.arm_file).tilted(gravity_turn_rad)
     truth = true_arm(case, number, arm)
     seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
     q = np.vstack([choice.measured(case, arm, seeds[0], poses), choice.fresh(case, arm, seeds[1], FRESH)])

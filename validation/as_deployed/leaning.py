@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from validation.as_deployed.catalogue import continued_schedule
-from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
-from validation.hidden_effects.case import Build, no_effect, stable_seed
-from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG
-from validation.synthetic import (
-    ArmDescription,
-    GroundTruth,
-    base_displacement_to_deviations,
-    load_arm,
-    random_poses,
-)
-from validation.synthetic.screws import rotation_matrix
+from lrm_math.arrays import Array
+from validation.as_deployed.catalogue import recording_of
+from validation.as_deployed.recording import WorldRecording
+from validation.hidden_effects.case import Build, Case, no_effect
 
 SEEDS, MOST_DEG = 20, 8
 COUNTS = (300, 150, 80, 60, 40)
@@ -43,21 +35,13 @@ class Lean:
         """The truth, for a table."""
         return f"gravity {self.tilt_deg}° about {self.axis}" if self.tilt_deg else "level"
 
-    def tilted(self, arm: ArmDescription) -> ArmDescription:
-        """The arm with this gravity."""
-        turn = math.radians(self.tilt_deg) * np.array([self.axis == name for name in "xyz"], dtype=float)
-        x, y, z = (rotation_matrix(turn) @ np.array(arm.gravity_m_per_s2)).tolist()
-        return replace(arm, gravity_m_per_s2=(x, y, z))
+    @property
+    def turn_rad(self) -> Array:
+        """(3,), rotation vector of gravity."""
+        return np.asarray(math.radians(self.tilt_deg) * np.array([self.axis == name for name in "xyz"], dtype=float))
 
 
 def leaning_recording(seed: int, lean: Lean | None = None, build: Build = no_effect) -> WorldRecording:
     """The world of a seed, or of another lean with its random arm; `build` makes what else is hidden."""
     lean = lean or Lean.of(seed)
-    arm = lean.tilted(load_arm(ARM_FILE))
-    truth = GroundTruth.random(arm, stable_seed("lean", seed, "arm"), build(arm, seed))
-    seeds = [stable_seed("lean", seed, what) for what in ("poses", "fresh", "loads", "noise")]
-    counts = (lean.poses, FRESH)
-    q = np.vstack([random_poses(arm, n, at, floor_m=FLOOR_M) for n, at in zip(counts, seeds[:2], strict=True)])
-    load = np.random.default_rng(seeds[2]).choice(LOADS_KG, size=len(q))
-    plan = WorldPlan(q, load, continued_schedule(lean.poses, 1, q.shape[1]), lean.poses)
-    return recorded(ARM_FILE, arm, base_displacement_to_deviations(arm, truth), plan, seeds[3])
+    return recording_of(Case("lean", (), build), seed, lean.poses, gravity_turn_rad=lean.turn_rad)

@@ -30,7 +30,6 @@ from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet, task_of
 from lrm_math.errors import LrmError
 from lrm_math.toml_file import read_toml
-from validation.fleet.expected_errors import expected_errors
 from validation.fleet.held_out_arm import HeldOutArm, identify
 from validation.fleet.simulated_fleet import ArmOfKind, simulated_fleet, write_fleet
 from validation.options import Count, asked
@@ -45,12 +44,6 @@ def main() -> None:
     arms = simulated_fleet(options.arms, options.seed, options.own)
     count = max(3, round(options.arms * options.share))
     sisters, others = arms[:count], arms[count:]
-    best = expected_errors(arms[0], FEW, MANY, options.own)
-    print(
-        f"expected at best: {FEW} poses with the true population as prior {best.few_with_prior:.3f} mm, "
-        f"{FEW} poses {best.few:.3f}, {MANY} poses {best.many:.3f}",
-        flush=True,
-    )
     with (
         executor_for(options.cluster or None, most=options.jobs) as pool,
         TemporaryDirectory(prefix="fleet-") as scratch,

@@ -84,9 +84,7 @@ class ArmOfKind:
         return poses, np.asarray(true_state(self.described, self.truth, q).tcp_m)
 
 
-def simulated_fleet(
-    count: int, seed: int, own: float = 1.0, effects: Sequence[EffectOfKind] = EFFECTS
-) -> list[ArmOfKind]:
+def simulated_fleet(count: int, seed: int, own: float = 1.0) -> list[ArmOfKind]:
     """Arms of one kind; `own`: factor of the errors that differ from arm to arm, for makers more or less exact."""
     described = load_arm(ARM_FILE)
     kind = np.random.default_rng([seed, 0])
@@ -98,7 +96,7 @@ def simulated_fleet(
     for number in range(1, count + 1):
         rng = np.random.default_rng([seed, number])
         errors = mean + rng.normal(size=shape.shape) * _scaled(shape, own * OWN_ANGLE_SD, own * OWN_LENGTH_SD)
-        has = [effect for effect in effects if rng.random() < effect.rate]
+        has = [effect for effect in EFFECTS if rng.random() < effect.rate]
         sizes = tuple(round(float(max(rng.normal(effect.mean, effect.sd), effect.mean / 3)), 6) for effect in has)
         truth = GroundTruth(
             Deviations.named(joints, {}),

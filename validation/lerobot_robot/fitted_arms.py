@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-import lrm_ident as lrm
 from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef
 from lrm_math.errors import LrmError
+from validation.lerobot_robot.fitted_model import fitted_model
 from validation.synthetic import (
     ArmDescription,
     Deviations,
@@ -26,13 +26,9 @@ from validation.synthetic import (
     Schedule,
     SoftPlay,
     load_arm,
-    random_poses,
-    simulate,
     true_state,
-    write,
 )
 
-POSES, NOISE_M = 120, 0.0002
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.008}
 """Of each link: zero offsets, lengths, and twists between axes, of which 5 mrad and more are usual."""
 SPRINGS_RAD_PER_NM, BASE_RAD_PER_NM = (0.02, 0.06), (0.0, 0.01)
@@ -66,12 +62,8 @@ def fitted_arms(arm: str, models: int) -> Iterator[FittedArm]:
 def _fitted(arm: str, description: ArmDescription, seed: int) -> FittedArm | None:
     truth, names = _hidden(description, np.random.default_rng([57, seed]))
     with tempfile.TemporaryDirectory() as folder:
-        measured = simulate(description, truth, random_poses(description, POSES, seed), 0.0, NOISE_M, seed)
-        table, _, _ = write(Path(folder) / "measured", measured, "validation.lerobot_robot")
-        model = Path(folder) / "model.toml"
         try:
-            data = lrm.load(table, arm)
-            lrm.save(lrm.fit(data, names), data, model)
+            model = fitted_model(arm, description, truth, names, seed, Path(folder))
             return FittedArm(description, truth, Correction.of_file(model))
         except LrmError:
             return None

@@ -2,8 +2,8 @@
 
 Rests after straight moves to goals: near the last one (0.05 to 3° a joint), anywhere, and the most singular of thirty.
 Both arms have a history of their own: one is sent the bounded commands, the other the wishes. Models are random and
-exact, with friction and play that lag behind the motion as they do in arms, or of either sign; or fitted to hidden arms
-of the independent generator, whose tip is the judge then.
+exact, with friction and play that lag behind the motion as they do in arms, or of either sign. Of models that are
+fitted to hidden arms `paths` has the errors at rests.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
 from validation.lerobot_robot.continuity import HELD, random_model
-from validation.lerobot_robot.fitted_arms import fitted_arms
 from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.tables import markdown_table, table_row
@@ -103,27 +102,6 @@ def rests(made: Correction, seed: int, count: int) -> Iterator[RestErrors]:
             continue
 
 
-def fitted_rests(arm: str, models: int, count: int) -> Iterator[RestErrors]:
-    """The same of hidden arms, by models that were fitted to them; their own tip is the judge."""
-    for seed, fitted in enumerate(fitted_arms(arm, models)):
-        rng, made = np.random.default_rng([66, seed]), fitted.correction
-        low, high = made.limits
-        q = rng.uniform(low, high)
-        sent, before = Motion.at(q), None
-        commands, wishes = [q], [q]
-        for number in range(count):
-            kind = KINDS[number % len(KINDS)]
-            goal = _goal(made, kind, q, rng)
-            for wish in [*_moves(q, goal), goal, goal, goal]:
-                before = bounded_command(made, wish, sent, before)
-                sent = sent.to(before.command)
-                commands.append(before.command)
-                wishes.append(wish)
-            q = goal
-            errors = (1e-3 * fitted.missed_mm(goal, np.array(path)) for path in (commands, wishes))
-            yield RestErrors(kind, *errors)
-
-
 DRAWN = {"lagging": lagging_model, "either sign": random_model}
 """Ways to draw a model."""
 
@@ -151,13 +129,9 @@ def cells(found: Sequence[RestErrors]) -> Iterator[str]:
 
 def main() -> None:
     """Prints the table."""
-    chosen = asked(
-        __doc__, models=Count(20), rests=Count(30), fitted=(8, "models that are fitted to hidden arms"), jobs=1
-    )
+    chosen = asked(__doc__, models=Count(20), rests=Count(30), jobs=1)
     cases = {f"{name}, exact, {drawn}": (name, drawn) for name in ("so101", "lrm-rover") for drawn in DRAWN}
     found = run_cases(cases, partial(exact_rests, chosen.models, chosen.rests), _line, chosen.jobs)
-    if chosen.fitted:
-        found["so101, fitted"] = list(fitted_rests("so101", chosen.fitted, chosen.rests))
     head = (f"{kind}{what}" for kind in KINDS for what in (": RMS (mm)", ": worse", ": by at most (mm)"))
     print(markdown_table(("models", *head), [(name, *cells(some)) for name, some in found.items()]))
 

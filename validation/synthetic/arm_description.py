@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from validation.synthetic.screws import rotation_matrix
 
 Vector3 = tuple[float, float, float]
 
@@ -59,6 +64,11 @@ class ArmDescription:
     links: tuple[LinkDescription, ...]
     tool: FramePlacement
     bodies: tuple[BodyDescription, ...]
+
+    def tilted(self, turn_rad: ArrayLike) -> ArmDescription:
+        """The arm under gravity that is turned by a rotation vector (3,) in world axes."""
+        gravity = rotation_matrix(turn_rad) @ np.array(self.gravity_m_per_s2)
+        return replace(self, gravity_m_per_s2=_vector(gravity.tolist()))
 
 
 def load_arm(path: str | Path) -> ArmDescription:

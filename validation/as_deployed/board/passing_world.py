@@ -100,7 +100,7 @@ class PassingWorld:
 
     @property
     def _leaning(self) -> ArmDescription:
-        return Lean(self._axis, self._sizes[2], 0).tilted(load_arm(ARM_FILE))
+        return load_arm(ARM_FILE).tilted(Lean(self._axis, self._sizes[2], 0).turn_rad)
 
     @property
     def _warm(self) -> JointSlip:
