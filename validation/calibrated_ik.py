@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file.load import load_measurements
@@ -37,6 +35,7 @@ from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from validation.options import Count, asked
+from validation.tables import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
@@ -231,57 +230,48 @@ def goals_met(direct: list[IkAccuracy]) -> str:
     )
 
 
+COLUMNS = ("model", "method", "goals", "solved", "worst mm", "branches", "p50 ms", "p99 ms", "cube < 1 mm")
+
+
 def main() -> None:
+    """Prints the table, then what it leaves out."""
     options = asked(
         __doc__,
         goals=(Count(2000), "goals per model for the direct method"),
         cube_goals=(Count(400), "goals per model for the cube"),
     )
-    console, table = Console(width=140), Table(title="Calibrated inverse, one goal at a time", title_justify="left")
+    rows: list[tuple[object, ...]] = []
     shares: list[str] = []
     direct_figures: list[IkAccuracy] = []
-    for column in ("model", "method", "goals", "solved", "worst mm", "branches", "p50 ms", "p99 ms", "cube < 1 mm"):
-        table.add_column(column, justify="left" if column in ("model", "method") else "right")
     for name, model in models():
         tools = goals(model, options.goals)
         solver = CalibratedSolver.of(model)
         for method, count in ((Direct(), options.goals), (Cube(), options.cube_goals), (QUICK, options.cube_goals)):
-            with console.status(f"{name}: {method.name}"):
-                f = figures(name, solver, tools[:count], method)
+            f = figures(name, solver, tools[:count], method)
             if isinstance(method, Direct):
                 direct_figures.append(f)
             close = "" if f.close_before_polish is None else f"{100 * f.close_before_polish:.1f} %"
             values = (f"{100 * f.solved:.2f} %", f"{1e3 * f.worst_error:.1e}", f"{f.branches:.2f}")
-            table.add_row(name, f.method, str(f.goals), *values, f"{1e3 * f.p50:.2f}", f"{1e3 * f.p99:.2f}", close)
-        table.add_row(
-            name,
-            "one cube of 11³",
-            str(options.cube_goals),
-            *[""] * 3,
-            f"{1e3 * one_cube(solver, tools[: options.cube_goals]):.2f}",
-        )
-        table.add_section()
-        with console.status(f"{name}: every branch"):
-            direct, cube = shares_of_branches(solver, tools[: options.cube_goals])
+            rows.append((name, f.method, f.goals, *values, f"{1e3 * f.p50:.2f}", f"{1e3 * f.p99:.2f}", close))
+        tools = tools[: options.cube_goals]
+        p50 = f"{1e3 * one_cube(solver, tools):.2f}"
+        rows.append((name, "one cube of 11³", len(tools), *[""] * 3, p50, "", ""))
+        direct, cube = shares_of_branches(solver, tools)
         shares.append(f"{name} {100 * direct:.1f} and {100 * cube:.1f} %")
-    console.print(table)
-    console.print(goals_met(direct_figures))
-    console.print(
-        f"Of the branches that {STARTS} starts for one goal lead to, direct and cube answer: {'; '.join(shares)}"
-    )
+    print(markdown_table(COLUMNS, rows))
+    print(goals_met(direct_figures))
+    print(f"Of the branches that {STARTS} starts for one goal lead to, direct and cube answer: {'; '.join(shares)}")
     thesis = load_model(TABLE_B2)
     tools = goals(thesis, options.cube_goals)
     s = iteration_stall(CalibratedSolver.of(thesis), tools)
-    console.print(
+    print(
         f"The thesis's first method misses {100 * s.not_solved:.0f} % of the goals by more than 1 mm; medians: "
         f"{1e3 * s.first:.1f} mm at first, {1e3 * s.second:.1f} after one correction, {1e3 * s.third:.1f} after two, "
         f"{1e3 * s.last:.1f} on average later on ({s.lasting} loops of ten steps or more)"
     )
     for frequency in (50.0, 330.0):
         each, best = rounding_errors(thesis, tools[:100], frequency)
-        console.print(
-            f"Counts at {frequency:.0f} Hz leave {1e3 * each:.2f} mm, the best neighbours {1e3 * best:.2f} mm"
-        )
+        print(f"Counts at {frequency:.0f} Hz leave {1e3 * each:.2f} mm, the best neighbours {1e3 * best:.2f} mm")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ of the page have scripts of their own: `validation.workbench.story`, `.tutorial_
 
 from __future__ import annotations
 
-import argparse
 import shlex
 import shutil
 import subprocess
@@ -14,6 +13,8 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+
+from validation.options import asked
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "pictures"
 SERVO = Path(__file__).resolve().parents[1] / "lrm_ident" / "data" / "examples" / "one-servo.csv"
@@ -66,11 +67,8 @@ def draw(name: str, real: Path | None, folder: Path) -> None:
 
 def main() -> None:
     """Draws all, or one."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("real", nargs="?", type=Path, metavar="MEASUREMENTS")
-    parser.add_argument("--only", action="append", choices=sorted(COMMANDS))
-    given = parser.parse_args()
-    real = None if given.real is None else given.real.resolve()
+    given = asked(__doc__, "measurements?", only=([str], "only these", sorted(COMMANDS)))
+    real = None if given.measurements is None else given.measurements.resolve()
     for name in given.only or COMMANDS:
         if real is None and any("REAL" in line for line in COMMANDS[name]):
             print(f"{name}: needs MEASUREMENTS, left as it is", flush=True)

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from validation.options import asked
 from validation.readability.texts import EXAMPLE, lay_out, run
 
 COMMANDS = (
@@ -85,8 +86,9 @@ def alike(one: float | str, other: float | str) -> bool:
 
 def main() -> None:
     """Prints a line per command, and what differs."""
-    data = next((Path(word).resolve() for word in sys.argv[3:]), None)
-    before, after = (found_by(Path(word).resolve(), data) for word in sys.argv[1:3])
+    given = asked(__doc__, "before", "after", "data?")
+    data = None if given.data is None else given.data.resolve()
+    before, after = (found_by(tree.resolve(), data) for tree in (given.before, given.after))
     different = 0
     for words in COMMANDS:
         lines = differences(before[words], after[words])

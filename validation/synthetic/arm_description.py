@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from validation.synthetic.screws import rotation_matrix
+from .screws import rotation_matrix
 
 Vector3 = tuple[float, float, float]
 

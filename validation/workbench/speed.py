@@ -6,7 +6,6 @@ and the package is compiled, as an installed one is.
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +14,7 @@ from typing import Any
 from lrm_ident.study.api import EXAMPLE
 from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, wait_for, workbench
 from tests.support.commands import stdout_of
+from validation.options import asked
 
 DRAWN = "window.lrm?.scenes.field?.dots.length > 0 && document.querySelector('#lrm-turn .main-svg')"
 """The error field and the chart beside it are on the screen."""
@@ -46,9 +46,8 @@ MANY = 10_000
 
 def main() -> None:
     """Measures and prints."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path, help="as lrm-ident workbench takes them")
-    words = [path.resolve() for path in parser.parse_args().files]
+    given = asked(__doc__, "model?", "data?")
+    words = [path.resolve() for path in (given.model, given.data) if path]
     data = words[-1] if words else EXAMPLE
     with TemporaryDirectory() as name, chromium() as browser:
         folder = Path(name)
