@@ -101,16 +101,15 @@ def fuzz(queries: int, seed: int) -> tuple[FuzzResult, CommandErrors]:
     return result, errors
 
 
-def main() -> int:
-    """Exit code 1 if there was a violation."""
-    queries, seed = (int(word) for word in (*sys.argv[1:3], *(str(QUERIES), "0")[len(sys.argv) - 1 :]))
+def main(queries: int = QUERIES, seed: int = 0) -> int:
+    """Prints the counts; 1 if there was a violation."""
     began = time.perf_counter()
     result, errors = fuzz(queries, seed)
     spent = time.perf_counter() - began
     print(f"{queries} queries, seed {seed}, in {spent:.0f} s ({queries / spent:.0f} per s, checks included):")
     print(summary(result, errors))
-    return 1 if result.violations else 0
+    return bool(result.violations)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*map(int, sys.argv[1:])))

@@ -17,6 +17,13 @@ from tests.soak.fuzz_link import damaged
 from tests.soak.hostile.link_proxy import Delayed, LinkAttack
 
 
+class TowardsDaemon:
+    """An attack that passes on to the board what it gets."""
+
+    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
+        return [(0.0, wire)]
+
+
 @dataclass
 class Garbled:
     """Flipped bits, insertions, losses within frames, in both directions."""
@@ -52,13 +59,10 @@ class Late:
 
 
 @dataclass
-class Stale:
+class Stale(TowardsDaemon):
     """Answers of the board are repeated seconds later, those of old handshakes among them."""
 
     heard: deque[bytes] = field(default_factory=lambda: deque(maxlen=500))
-
-    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
-        return [(0.0, wire)]
 
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
         old = rng.choice(self.heard) if self.heard and rng.random() < 0.3 else b""
@@ -67,11 +71,8 @@ class Stale:
 
 
 @dataclass
-class Forged:
+class Forged(TowardsDaemon):
     """Acknowledgements, errors and greetings of the board that it never sent, with correct checksums."""
-
-    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
-        return [(0.0, wire)]
 
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
         return [(0.0, wire), (0.0, encode(_forged(rng)) if rng.random() < 0.2 else b"")]
@@ -105,13 +106,10 @@ class Mute:
 
 
 @dataclass
-class Hidden:
+class Hidden(TowardsDaemon):
     """The board is not heard; in place of all that it says comes the first acknowledgement that it sent."""
 
     acknowledged: bytes = b""
-
-    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
-        return [(0.0, wire)]
 
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
         if not self.acknowledged and wire[1:2] == bytes([FrameType.ACK]):
@@ -120,13 +118,10 @@ class Hidden:
 
 
 @dataclass
-class OldHandshake:
+class OldHandshake(TowardsDaemon):
     """Every STATE and INFO comes together with the first one of its kind, in the same moment and before it."""
 
     first: dict[bytes, bytes] = field(default_factory=dict)
-
-    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
-        return [(0.0, wire)]
 
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
         if wire[1:2] not in (bytes([FrameType.STATE]), bytes([FrameType.INFO])):
