@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import tomllib
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.fitting.executors import ONE_THREAD
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
@@ -33,8 +34,6 @@ from validation.hidden_effects.case import (
     FAULTS_BLIND,
     FAULTS_BLIND_REPORT,
     FAULTS_REPORT,
-    MEMORY,
-    MEMORY_BLIND,
     NAMED,
     Case,
 )
@@ -94,49 +93,45 @@ def diagnosed(case: Case, seed: int, poses: int, folder: Path, found: Found) -> 
 
 
 def followed(case: Case, seed: int, poses: int, folder: Path, found: Found) -> None:
-    """By the commands fit and auto; the ratio at unseen poses, with the noise of a measurement added."""
+    """By the functions behind fit and auto; the ratio at unseen poses, with the noise of a measurement added.
+
+    Worlds with a memory are judged by the first name.
+    """
     data, unseen = write_data(case, seed, poses, folder)
-    model, better, course = (folder / name for name in ("model.toml", "better.toml", "course.json"))
-    run_tool("fit", data, "--arm", case.arm_file, "-o", model, *(["--loss", "huber"] if case.outliers else []))
-    found["seconds"] = run_tool("auto", model, data, "--no-nested", "-o", better, "--json", course)
-    said = json.loads(course.read_text(encoding="utf-8"))
-    added = [step for step in said["steps"] if step["added"]]
-    # causes that a step stands for: those whose other form it is, else its own name; then its class
-    found["steps"] = tuple((*(one["form_of"] or (one["added"],)), *one["indistinguishable_from"]) for one in added)
-    found["findings"] = tuple(step["is"] == "finding" for step in added)
-    found["verdict"] = said["verdict"]
-    apart = 1e3 * _predicted(lrm.load_model(better), unseen, load_arm(str(case.arm_file))) - _tcp_mm(unseen)
+    arm = str(case.arm_file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that the arm is named by its file
+        study = lrm.Study.of(lrm.load(data, arm)).fit(loss="huber" if case.outliers else "squared")
+    began = time.perf_counter()
+    run, _ = study.auto()
+    found |= {"seconds": time.perf_counter() - began, "right": case.truth if case.waits else None, **_of_run(run)}
+    predicted = lrm.predict(run.model, replace(lrm.load_poses(unseen, arm), sha256=None))  # of the same sessions
+    apart = 1e3 * predicted - _tcp_mm(unseen)
     found["ratio"] = over_noise(apart[1:])  # before the first pose the direction is not known
+    found["z"] = tuple(z for _, z in deviations(run.steps[-1].fit, dataset(case, seed, poses)))
 
 
 def searched(case: Case, seed: int, poses: int, _folder: Path, found: Found) -> None:
     """A measurement with a fault by the functions behind `auto`; the ratio of the residual."""
     data, right = spoiled(case, seed, poses)
-    found["right"] = right
     run = run_auto(base_model(data, load_arm(str(case.arm_file))), data)
-    found["steps"] = tuple(step.names for step in run.steps[1:])
-    found["findings"] = tuple(one.kind == "finding" for one in run.attributions)
-    found["verdict"], found["ratio"] = run.report.verdict, float(run.steps[-1].fit.sigma / NOISE_M)
+    found |= {"right": right, **_of_run(run), "ratio": float(run.steps[-1].fit.sigma / NOISE_M)}
 
 
-def remembered(case: Case, seed: int, poses: int, folder: Path, found: Found) -> None:
-    """A world with a memory by the functions behind fit and auto; the ratio at unseen poses, and the intervals."""
-    data, unseen = write_data(case, seed, poses, folder)
-    run, _ = lrm.Study.of(lrm.load(data, case.arm)).fit().auto()
-    steps = [step for step in run.steps[1:] if step.added]
+def _of_run(run: AutoRun) -> Found:
+    """What `auto` ended with."""
     shown = zip(run.steps[1:], run.attributions, strict=True)
-    found["steps"], found["right"] = tuple(tuple(step.names) for step in steps), case.truth
-    found["findings"] = tuple(one.kind == "finding" for step, one in shown if step.added)
-    found["verdict"] = run.verdict
-    apart = 1e3 * _predicted(run.model, unseen, case.arm) - _tcp_mm(unseen)
-    found["ratio"] = over_noise(apart[1:])
-    found["z"] = tuple(z for _, z in deviations(run.steps[-1].fit, dataset(case, seed, poses)))
+    added = [(step, one.kind == "finding") for step, one in shown if step.added]
+    return {
+        "steps": tuple(tuple(step.names) for step, _ in added),
+        "findings": tuple(finding for _, finding in added),
+        "verdict": run.verdict,
+    }
 
 
 WAYS: dict[str, Callable[[Case, int, int, Path, Found], None]] = {
     NAMED: diagnosed,
     **dict.fromkeys((FAULTS, FAULTS_REPORT, FAULTS_BLIND, FAULTS_BLIND_REPORT), searched),
-    **dict.fromkeys((MEMORY, MEMORY_BLIND), remembered),
 }
 """By part; of all others `followed`."""
 
@@ -150,11 +145,6 @@ def base_model(data: Measurements, arm: Arm) -> Model:
 def over_noise(apart_mm: Array) -> float:
     """RMS of errors (P, 3) without noise, that of a measurement added, over that noise."""
     return float(np.sqrt((apart_mm**2).sum(axis=1).mean() + FLOOR_MM**2) / FLOOR_MM)
-
-
-def _predicted(model: Model, table: Path, arm: Arm | str) -> Array:
-    """Tips (m) at the poses of a table of the same sessions: what belongs to them holds."""
-    return lrm.predict(model, replace(lrm.load_poses(table, arm), sha256=None))
 
 
 def _tcp_mm(path: Path) -> Array:

@@ -34,9 +34,9 @@ class Outcome:
     case: its key. steps: for each step its name (a form counts as the effect that it refines) and all that the data
     cannot tell from it; of `diagnose` the first class of the ranking alone. findings: whether each step is said to
     be a cause; the others only describe, or have rivals (of `diagnose`). ratio: RMS error over the noise, held out
-    or at unseen poses. seconds: of the command. right: names that are right by the seed; None: the case's. z:
-    (estimate − truth) / standard error of the hidden parameters that were fitted. trouble: what failed, with the
-    last line that the tool printed.
+    or at unseen poses. seconds: of `diagnose`, or of `auto`. right: names that are right by the seed; None: the
+    case's. z: (estimate − truth) / standard error of the hidden parameters that were fitted. trouble: what failed,
+    with the last line that the tool printed.
     """
 
     case: str

@@ -130,7 +130,7 @@ class DaemonSetup:
 class ProcessGroup:
     """A process with a group of its own, which ends with it, whatever state it is in."""
 
-    def __init__(self, command: list[str], output: IO[Any], **environment: str) -> None:
+    def __init__(self, command: list[str], output: IO[Any] | int, **environment: str) -> None:
         self.process = subprocess.Popen(
             command, stdout=output, stderr=subprocess.STDOUT, env={**os.environ, **environment}, start_new_session=True
         )
