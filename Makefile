@@ -153,7 +153,6 @@ soak-kernel: setup ## QUERIES=1000000 to the inverse kinematics, its kernel unde
 
 soak-attacks: setup ## attacks and legal clients for MINUTES=10 each, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
-	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.forger
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.memory --minutes $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.legal_clients $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50

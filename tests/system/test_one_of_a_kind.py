@@ -21,9 +21,9 @@ from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.control import ArmRequest, JointsState, Reply
 from lrmd.messages.zenoh_session import client
-from tests.soak.hostile.forger import TRIES, accepted, forged
 from tests.support.daemon.daemon_harness import HOME, arm_when_ready, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.forger import TRIES, accepted, forged
 
 
 @contextmanager

@@ -1,19 +1,12 @@
-"""A program on an open router that answers in the daemon's place, and what our client accepts of it.
-
-`python -m tests.soak.hostile.forger`: counts for a forger that draws a boot id, one that copies the daemon's, and one
-that copies it and claims to be the only one with the whole answer.
-"""
+"""A program on an open router that answers in the daemon's place, and what our client accepts of it."""
 
 from __future__ import annotations
 
-import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
@@ -23,7 +16,7 @@ from lrm_math.errors import LrmError
 from lrmd.client import GoalEntry, IkRequest, Rover
 from lrmd.messages.control import JointsState
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon.daemon_process import DaemonSetup, running_daemon
+from tests.support.daemon.daemon_process import DaemonSetup
 
 FORGED = "f"
 """Mark of everything forged: the lease's token, the model and the servo that no daemon has."""
@@ -43,10 +36,6 @@ class Accepted:
     mode: int = 0
     states: int = 0
     refused: int = 0
-
-    def row(self) -> str:
-        """One line."""
-        return ", ".join(f"{one.name} {getattr(self, one.name)}" for one in fields(self))
 
 
 @dataclass
@@ -138,25 +127,3 @@ def accepted(rover: Rover) -> Accepted:
     assert any(state.names != [FORGED] for state in states), "the daemon's own states arrive meanwhile"
     found.states = sum(state.names == [FORGED] for state in states)
     return found
-
-
-def main() -> int:
-    """Prints what is accepted of each forger; 1 if anything is of one without the daemon's boot id."""
-    with tempfile.TemporaryDirectory() as folder:
-        setup = DaemonSetup.make(Path(folder))
-        with running_daemon(setup), setup.rover() as rover:
-            found = {}
-            for name, boot_id, complete in (
-                ("own boot id", "f" * 16, False),
-                ("own boot id, complete", "f" * 16, True),
-                ("copied boot id", rover.boot_id, False),
-                ("copied boot id, complete", rover.boot_id, True),
-            ):
-                with forged(setup, boot_id, complete):
-                    found[name] = accepted(rover)
-                print(f"{name:<28}of {TRIES} each: {found[name].row()}", flush=True)
-    return int(any(one.ik + one.lease + one.mode + one.states for name, one in found.items() if "own" in name))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
