@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arrays import Array
-from validation.as_deployed import effects
 from validation.as_deployed.pose_choice import PoseChoice
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
 from validation.hidden_effects.case import DEG, FIRST_SEED, Case, hidden, of_part, stable_seed, together
@@ -24,8 +23,8 @@ from validation.synthetic import (
     SkewTracker,
     load_arm,
 )
-from validation.synthetic.hidden_links import LooseBase
-from validation.synthetic.hidden_tracker import FoamMat
+from validation.synthetic.hidden_links import LooseBase, RockingFeet
+from validation.synthetic.hidden_tracker import DepthTracker, FoamMat, LensTracker
 
 MEASURING_S, PACE_S = 4500.0, 15.0
 ANY_POSES, LEVEL = PoseChoice(), np.zeros(3)
@@ -94,15 +93,11 @@ def _trackers_and_bases() -> dict[str, Case]:
     sheared = hidden(
         "report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0))
     )
-    lens = hidden("report", "lens", frame, lambda by: effects.LensTracker(by.sign() * by.size(0.010)))
-    depth = hidden("report", "depth", along_one, lambda by: effects.DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
+    lens = hidden("report", "lens", frame, lambda by: LensTracker(by.sign() * by.size(0.010)))
+    depth = hidden("report", "depth", along_one, lambda by: DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
     loose = hidden("report", "loose-base-y", base, lambda by: LooseBase(0, by.size(0.5 * DEG)))
-    rocks_x = hidden(
-        "report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05)
-    )
-    rocks_d = hidden(
-        "report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1)
-    )
+    rocks_x = hidden("report", "feet-x", base, lambda by: RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05))
+    rocks_d = hidden("report", "feet-xy", base, lambda by: RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1))
     lifts = hidden("report", "lifts-y", base, lambda by: LiftingBase((0.0, 1.0, 0.0), by.size(0.04), 0.05, 0.05))
     ten = (long_z, wide, sheared, lens, depth, loose, rocks_x, rocks_d, lifts, together(wide, rocks_x))
     return {case.name: case for case in ten}

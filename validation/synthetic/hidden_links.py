@@ -344,3 +344,20 @@ class ViscoelasticBase(BaseError):
         about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
         about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(about_x @ about_y @ about_z)
+
+
+@dataclass(frozen=True)
+class RockingFeet(BaseError):
+    """A base on feet of unequal length: about an axis (unit vector in its frame) it tips to the side of the moment.
+
+    tilt_rad: to either side; softness_nm: moment at which three quarters of it are reached.
+    """
+
+    axis: Vector3
+    tilt_rad: float
+    softness_nm: float
+
+    def turn(self, load: EndLoad) -> Array:
+        axis = np.array(self.axis)
+        turn = self.tilt_rad * np.tanh(load.moment_nm @ axis / self.softness_nm)
+        return np.asarray(turn[:, None] * axis)

@@ -10,6 +10,9 @@ from .arm_description import Vector3
 from .hidden_effect import HiddenEffect
 from .screws import Array, rotation_matrix
 
+CENTRE_M, REACH_M = np.array([0.0, 0.0, 0.25]), 0.4
+"""Middle of what a camera sees, and how far from it the arm comes."""
+
 
 @dataclass(frozen=True)
 class SkewTracker(HiddenEffect):
@@ -116,6 +119,31 @@ class ProbePretravel(HiddenEffect):
     def measurement_error(self, tcp_m: Array) -> Array:
         way = np.diff(tcp_m, axis=0, prepend=tcp_m[:1])
         return np.asarray(-self.length_m * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9))
+
+
+@dataclass(frozen=True)
+class LensTracker(HiddenEffect):
+    """A lens that stretches space by the square of the distance from the middle of what it sees; share at REACH_M."""
+
+    share: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        apart = tcp_m - CENTRE_M
+        square = (apart**2).sum(axis=1, keepdims=True) / REACH_M**2
+        return np.asarray(self.share * square * apart)
+
+
+@dataclass(frozen=True)
+class DepthTracker(HiddenEffect):
+    """A camera whose scale of depth grows with the distance, by share_per_m."""
+
+    camera_m: Vector3
+    share_per_m: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        sight, far = _sight(tcp_m, self.camera_m)
+        middle = np.linalg.norm(CENTRE_M - np.array(self.camera_m))
+        return np.asarray(self.share_per_m * (far - middle) ** 2 * sight / far)
 
 
 def _sight(tcp_m: Array, from_m: Vector3) -> tuple[Array, Array]:

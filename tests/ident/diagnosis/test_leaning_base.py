@@ -28,11 +28,11 @@ from lrm_math.effects import Effect, effects_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.sweep import soak
-from validation.as_deployed.effects import RockingFeet
 from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.worlds import SimulatedCase
 from validation.hidden_effects.case import DEG
 from validation.synthetic import ArmDescription, BaseRocking, HiddenEffect, SkewTracker
+from validation.synthetic.hidden_links import RockingFeet
 
 pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 
