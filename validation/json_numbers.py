@@ -16,15 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from validation.options import asked
-from validation.readability.texts import EXAMPLE, lay_out, run
+from validation.readability.texts import EXAMPLE, OUTPUTS, lay_out, run
 
 COMMANDS = (
-    "fit DATA.csv -o model.toml",
-    "compare model.toml DATA.csv",
-    "diagnose model.toml DATA.csv",
-    "add model.toml DATA.csv backlash@joint2 -o better.toml",
-    "diagnose better.toml DATA.csv",
-    "auto model.toml DATA.csv -o best.toml --no-nested --max-effects 1",
+    *OUTPUTS,
     "show better.toml",
     "report better.toml DATA.csv -o report.html",
     "predict better.toml FEW.csv -o predicted.csv",
@@ -34,8 +29,6 @@ COMMANDS = (
     "design lrm-lab -n 40 --levels 3",
     "selftest lrm-lab FEW.csv --only backlash@joint2",
     "reach lrm-lab --step-mm 80 --directions 12 --rolls 2 --no-collisions",
-    "fit FEW.csv -o few.toml",
-    "diagnose few.toml FEW.csv",
 )
 TOLERANCE = 1e-9
 HASH = re.compile("[0-9a-f]{64}")

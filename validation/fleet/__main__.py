@@ -11,7 +11,6 @@ more.
 
 from __future__ import annotations
 
-import argparse
 import pickle
 import sys
 import time
@@ -40,7 +39,15 @@ FEW, MANY = 60, 150
 
 def main() -> None:
     """Prints the comparison."""
-    options = _options()
+    options = asked(
+        __doc__,
+        arms=(Count(12), "arms in all"),
+        share=(2 / 3, "part of them that is the fleet"),
+        seed=(1, "of the kind and its arms"),
+        own=(0.03, "factor of the errors that differ from arm to arm"),
+        jobs=(2, "worker processes of this machine"),
+        cluster=("", "address of a Dask scheduler, or its scheduler file"),
+    )
     arms = simulated_fleet(options.arms, options.seed, options.own)
     count = max(3, round(options.arms * options.share))
     sisters, others = arms[:count], arms[count:]
@@ -111,18 +118,6 @@ def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> P
         share = np.mean([name in arm.names for arm in sisters])
         print(f"  {name}: {rate.rate:.2f} {rate.interval}, in truth {share:.2f} of the sisters")
     return file
-
-
-def _options() -> argparse.Namespace:
-    return asked(
-        __doc__,
-        arms=(Count(12), "arms in all"),
-        share=(2 / 3, "part of them that is the fleet"),
-        seed=(1, "of the kind and its arms"),
-        own=(0.03, "factor of the errors that differ from arm to arm"),
-        jobs=(2, "worker processes of this machine"),
-        cluster=("", "address of a Dask scheduler, or its scheduler file"),
-    )
 
 
 if __name__ == "__main__":

@@ -95,8 +95,10 @@ def best_hit_rate(true: Array) -> float:
     return float(max(hits_of(told, true).mean() for told in (*true, *np.linspace(0.0, true.max(), 200))))
 
 
-def shaper_row(pwm_hz: float, kind: str, moves: int, clock: float, seed: int) -> dict[str, object]:
-    """The moves of one shaper; `clock`: relative error of the board's clock."""
+def examine(moves: int, clock: float, seed: int, case: tuple[float, str]) -> dict[str, object]:
+    """The moves of one shaper, by the frequency of the pulses (Hz) and its kind; `clock`: relative error of the board's
+    clock."""
+    pwm_hz, kind = case
     rover = SwingingRover(pwm_hz, kind)
     channels = {s.name: s.channel for s in rover.config.servos if s.name in rover.arm.joint_names}
     rover.links = SimulatedArm(model_of(rover.arm, ()), channels)  # its tip is not asked for
@@ -129,11 +131,6 @@ def shaper_row(pwm_hz: float, kind: str, moves: int, clock: float, seed: int) ->
             },
         }  # fmt: skip
     return row
-
-
-def examine(moves: int, clock: float, seed: int, case: tuple[float, str]) -> dict[str, object]:
-    """The moves of one shaper, by the frequency of the pulses (Hz) and its kind."""
-    return shaper_row(*case, moves, clock, seed)
 
 
 def main() -> None:
