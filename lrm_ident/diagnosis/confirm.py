@@ -35,7 +35,7 @@ MOST_SPECIAL_CASES = 2
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
 AS_DEPLOYED = (ReasonKind.WORSE_DEPLOYED, ReasonKind.NOT_BETTER_LATER)
-"""Objections to the deployed model: another effect of the model hardly changes what a session leaves behind."""
+"""Objections to the deployed model, which `auto` keeps from step to step."""
 
 
 @dataclass(frozen=True, eq=False)
