@@ -18,6 +18,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.diagnosis.reason import Reason
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -111,18 +112,21 @@ def run_auto(
     kinds = tuple(catalogue)
     latest = confirm(diagnose(model, data, kinds, progress, loss, rates))
     refused: tuple[str, ...] = ()
+    doubted: dict[str, Reason] = {}
     steps = [_start(model, latest)]
     on_step(steps[0])
     while latest.first is not None and latest.refit is not None and len(steps) <= max_effects:
         on_confirmed(latest.refit)
         effect, evidence, beside = latest.first.name, _evidence(latest, latest.first), latest.beside
         last, refit, poses, blocks = steps[-1].fit.model, latest.refit, latest.diagnosis.data.pose, latest.blocks
+        # of the last step everything is stated as it is beside all effects
+        doubted = doubted | latest.refused_as_deployed if len(steps) < max_effects else {}
         del latest  # a diagnosis holds the columns of every candidate: one at a time
         try:
             same_fit = refit.fit if np.array_equal(poses, data.pose) else None
             diagnosis = diagnose(refit.fit.model, data, kinds, progress, loss, rates, same_fit)
             same_blocks = refit.blocks if np.array_equal(diagnosis.data.pose, poses) else ()
-            latest = confirm(diagnosis, same_blocks, refused=refused, tested=beside)
+            latest = confirm(diagnosis, same_blocks, refused=refused, tested=beside, doubted=doubted)
         except LrmError:  # no diagnosis with it: it is refused, and the steps before stay
             refused = (*refused, effect)
             latest = confirm(diagnose(last, data, kinds, progress, loss, rates), blocks, refused=refused)

@@ -1,14 +1,15 @@
 """Confirmation of a diagnosis, for `diagnose` and `auto`: the best candidate refitted in full and cross-validated.
 
 The first effect that the screening supports is tried (`candidate_trial`). Where that does not confirm it, effects are
-selected again without it.
+selected again without it. What an earlier step of `auto` refused as deployed is tried last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from types import MappingProxyType
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.candidate_trial import CandidateTrial, Refit, refit_trial
@@ -33,6 +34,8 @@ MOST_SPECIAL_CASES = 2
 """Special cases of an effect that are refitted: a bound on time."""
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
+AS_DEPLOYED = (ReasonKind.WORSE_DEPLOYED, ReasonKind.NOT_BETTER_LATER)
+"""Objections to the deployed model, which `auto` keeps from step to step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +72,11 @@ class ConfirmedDiagnosis:
         fit, data = self.diagnosis.fit, self.diagnosis.data
         later = forecast_error(fit.model, data, fit.loss, fit.stated)
         return DeployedError.of(fit.model, data.poses, self.blocks, later, self.diagnosis.outliers_together)
+
+    @property
+    def refused_as_deployed(self) -> dict[str, Reason]:
+        """Those of the refused effects with which the deployed model would not be better."""
+        return {name: reason for name, reason in self.refused.items() if reason.kind in AS_DEPLOYED}
 
     @property
     def first(self) -> ScoredCandidate | None:
@@ -128,6 +136,7 @@ def confirm(
     on_progress: Callable[[str], object] = str,
     refused: Collection[str] = (),
     tested: str = "",
+    doubted: Mapping[str, Reason] = MappingProxyType({}),
 ) -> ConfirmedDiagnosis:
     """Refits the first supported effect; while the refit does not confirm it, selects again without it.
 
@@ -140,35 +149,56 @@ def confirm(
         refused: effects (`effect@place`) left out from the start, since a model with them cannot be diagnosed.
         tested: the effect beside which the last one was added (`ConfirmedDiagnosis.beside`): of the two together it is
             known that the deployed model is better.
+        doubted: effects refused as deployed beside fewer effects, and why. They count as refused as long as another is
+            confirmed, and are refitted only where none is.
     """
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
-    reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
-    selection = select_without(diagnosis, reasons) if refused else diagnosis
-    promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
-    worse = dict[str, tuple[float, float]]()
-    while selection.supported and len(reasons) < MOST_REFUSED:
-        scored = selection.supported[0]
-        on_progress(f"refitting with {scored.name}")
-        trial = refit_trial(selection, scored, blocks, tested)
-        if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-            selection, trial = _led_by_special_case(selection, trial, blocks, tested)
-            return ConfirmedDiagnosis(
-                selection, blocks, trial.refit, selection.supported, reasons, worse_deployed=worse, beside=trial.beside
-            )
-        refuted |= trial.fitted
-        if trial.worse_deployed:
-            worse[scored.name] = trial.worse_deployed
-        reason = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
-        reasons |= dict.fromkeys([scored.name, *selection.repetitions(scored)], reason)
-        if trial.refit:
-            break
-        if trial.fitted and not scored.candidate.effect.is_free_form:
-            saved = _share_saved(scored.alone.held_out, selection.screening.linear.baseline.held_out)
-            promised, rival = max((promised, rival), (saved, scored.name))
-        selection = select_without(selection, reasons)
-    return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)
+    squares = held_out_squares(blocks)
+
+    @cache
+    def selected(without: frozenset[str]) -> Diagnosis:
+        return select_without(diagnosis, without) if without else diagnosis
+
+    @cache
+    def tried(without: frozenset[str]) -> CandidateTrial:
+        selection = selected(without)
+        on_progress(f"refitting with {selection.supported[0].name}")
+        return refit_trial(selection, selection.supported[0], blocks, tested)
+
+    def search(doubted: Mapping[str, Reason]) -> ConfirmedDiagnosis:
+        reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
+        promised, rival, refuted, worse = 0.0, "", bool(refused), dict[str, tuple[float, float]]()
+        while (selection := selected(frozenset(reasons))).supported and len(reasons) < MOST_REFUSED:
+            scored = selection.supported[0]
+            doubt = doubted.get(scored.name)
+            trial = CandidateTrial(None, doubt) if doubt else tried(frozenset(reasons))
+            if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
+                selection, trial = _led_by_special_case(selection, trial, blocks, tested)
+                return ConfirmedDiagnosis(
+                    selection,
+                    blocks,
+                    trial.refit,
+                    selection.supported,
+                    reasons,
+                    worse_deployed=worse,
+                    beside=trial.beside,
+                )
+            refuted |= trial.fitted
+            if trial.worse_deployed:
+                worse[scored.name] = trial.worse_deployed
+            reason = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
+            reasons |= dict.fromkeys([scored.name, *selection.repetitions(scored)], reason)
+            if trial.refit:
+                break
+            if trial.fitted and not scored.candidate.effect.is_free_form:
+                saved = _share_saved(scored.alone.held_out, selection.screening.linear.baseline.held_out)
+                promised, rival = max((promised, rival), (saved, scored.name))
+        return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)
+
+    found = search({name: doubt for name, doubt in doubted.items() if name != tested})
+    return found if found.refit or found.refused.keys().isdisjoint(doubted) else search({})
 
 
 def _led_by_special_case(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -56,10 +56,17 @@ def scored(name: str, alone: float = 1.0, part: ModelPart = ModelPart.ARM) -> An
 REFUSED = None
 
 
-def confirmed(patch: Patch, *candidates: tuple[float, float | None], again: tuple[str, ...] = ()) -> Any:
+def confirmed(
+    patch: Patch,
+    *candidates: tuple[float, float | None],
+    again: tuple[str, ...] = (),
+    tried: list[str] | None = None,
+    **options: Any,
+) -> Any:
     """A diagnosis of effects a, b, …: the mean squares that each alone would leave, and that its refit leaves.
 
-    `again`: those that repeat the first one.
+    `again`: those that repeat the first one. `tried`: takes the names of those that are refitted. `options`: of
+    `confirm`.
     """
     effects = [scored(name, alone) for name, (alone, _) in zip("abc", candidates, strict=False)]
 
@@ -78,12 +85,18 @@ def confirmed(patch: Patch, *candidates: tuple[float, float | None], again: tupl
         return candidate_trial.CandidateTrial(SimpleNamespace(squares=np.full(POSES, left)))  # type: ignore[arg-type]
 
     trials = {one.name: trial(left) for one, (_, left) in zip(effects, candidates, strict=True)}
+
+    def refitted(_: Any, one: Any, *__: Any) -> candidate_trial.CandidateTrial:
+        if tried is not None:
+            tried.append(one.name)
+        return trials[one.name]
+
     patch.setattr(confirm, "held_out_squares", lambda _: np.ones(POSES))
-    patch.setattr(confirm, "refit_trial", lambda _, one, *__: trials[one.name])
+    patch.setattr(confirm, "refit_trial", refitted)
     patch.setattr(
         confirm, "select_without", lambda _, names: diagnosis(*(one for one in effects if one.name not in names))
     )
-    return confirm.confirm(diagnosis(*effects), ("blocks",))  # type: ignore[arg-type]
+    return confirm.confirm(diagnosis(*effects), ("blocks",), **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -115,6 +128,66 @@ def test_what_repeats_a_refused_effect_is_refused_with_it(monkeypatch: Patch) ->
     """It has a refit that would be taken, and none is tried."""
     found = confirmed(monkeypatch, (0.5, REFUSED), (0.5, 0.3), again=("b",))
     assert (found.supported, found.refused["b"]) == ((), found.refused["a"])
+
+
+DOUBT = {"a": Reason(ReasonKind.WORSE_DEPLOYED)}
+"""Why effect a was refused at an earlier step."""
+
+
+def test_an_effect_refused_as_deployed_before_is_not_refitted_where_another_is_confirmed(monkeypatch: Patch) -> None:
+    """Its refit would be taken, and costs what that of any other does. It promises as much as if refused anew."""
+    tried: list[str] = []
+    found = confirmed(monkeypatch, (0.5, 0.3), (1.0, 0.7), doubted=DOUBT, tried=tried)
+    assert (found.supported[0].name, tried) == ("b", ["b"])
+    assert found.refused == found.refused_as_deployed == DOUBT
+    assert confirmed(monkeypatch, (0.5, REFUSED), (1.0, 0.8), doubted=DOUBT).supported == ()
+
+
+def test_it_is_refitted_before_nothing_is_confirmed(monkeypatch: Patch) -> None:
+    """Each refit is made once."""
+    tried: list[str] = []
+    found = confirmed(monkeypatch, (0.5, 0.3), (1.0, REFUSED), doubted=DOUBT, tried=tried)
+    assert (found.supported[0].name, tried, found.refused) == ("a", ["b", "a"], {})
+    tried.clear()
+    found = confirmed(monkeypatch, (0.5, REFUSED), (1.0, REFUSED), doubted=DOUBT, tried=tried)
+    assert (found.supported, tried) == ((), ["b", "a"])
+    assert {reason.kind for reason in found.refused.values()} == {ReasonKind.NEAR_ZERO}, "as it is beside all others"
+
+
+def test_the_effect_beside_which_the_last_one_was_added_is_refitted(monkeypatch: Patch) -> None:
+    """Alone it was refused as deployed; of the two together it is known that they are better."""
+    assert confirmed(monkeypatch, (0.5, 0.3), (1.0, 0.3), doubted=DOUBT, tested="a").supported[0].name == "a"
+
+
+@pytest.mark.parametrize(("most", "doubts"), [(3, [{}, DOUBT, DOUBT, {}]), (9, [{}, DOUBT, DOUBT, DOUBT])])
+def test_doubts_go_on_from_step_to_step_but_not_to_the_last(
+    most: int, doubts: list[dict[str, Reason]], monkeypatch: Patch
+) -> None:
+    """What is said of the last step is found beside all effects."""
+    known: list[Any] = []
+    names = iter("bcd")
+    rows: Any = SimpleNamespace(pose=np.arange(POSES))
+    step = SimpleNamespace(fit=SimpleNamespace(model=None), blocks=())
+
+    def confirmed_next(*_: Any, doubted: Any = MappingProxyType({}), **__: Any) -> Any:
+        known.append(doubted)
+        name = next(names, None)
+        return SimpleNamespace(
+            first=name and SimpleNamespace(name=name),
+            refit=step,
+            beside="",
+            blocks=(),
+            diagnosis=SimpleNamespace(data=rows),
+            refused_as_deployed=DOUBT if len(known) == 1 else {},
+        )
+
+    monkeypatch.setattr(auto, "confirm", confirmed_next)
+    monkeypatch.setattr(auto, "diagnose", lambda *_: SimpleNamespace(data=rows))
+    for function in ("_start", "_step", "_evidence"):
+        monkeypatch.setattr(auto, function, lambda *_: step)
+    nothing: Any = None
+    auto.run_auto(nothing, rows, most)
+    assert known == doubts
 
 
 def leading(
