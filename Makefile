@@ -52,7 +52,7 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then the system's, each with a daemon and a board in real time, two at a time
+test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then those that need real time, each with a daemon or a board, two at a time
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
 	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
