@@ -29,11 +29,13 @@ from tests.support.daemon.daemon_process import (
     LONGEST_LEASE,
     SECOND,
     SLOW_BOARD,
+    START_TIMEOUT,
     BoardProcess,
     DaemonProcess,
     DaemonSetup,
     children,
     is_alive,
+    role,
     running_daemon,
     wait_for,
 )
@@ -618,11 +620,18 @@ def test_a_ramp_that_dies_again_and_again_ends_the_daemon(tmp_path: Path) -> Non
     setup = DaemonSetup.make(tmp_path)
     with BoardProcess(setup), DaemonProcess(setup) as daemon:
         daemon.ready()
-        for _ in range(10):
-            os.kill(daemon.child("ramp"), signal.SIGKILL)
-            time.sleep(0.05)
-        assert daemon.process.wait(5) == 1
+
+        def killed() -> bool:
+            for pid in children(daemon.pid):
+                if role(pid) == "ramp":
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+            return daemon.process.poll() is not None
+
+        wait_for(killed, "the daemon gives up", START_TIMEOUT, 0.05)
+        assert daemon.process.returncode == 1
         assert daemon.codes()[-1] == "given_up"
+        assert daemon.codes().count("ramp_died") >= 9, "and the last one"
         assert children(daemon.pid) == []
 
 
