@@ -31,6 +31,7 @@ from tests.support.sweep import soak
 pytestmark = pytest.mark.usefixtures("one_step_folds")
 
 
+@pytest.mark.long
 def test_manifest_and_its_faults(tmp_path: Path) -> None:
     path = tmp_path / "manifest.csv"
     path.write_text("Data;Batch\na.csv;A\nb.csv;B\n")

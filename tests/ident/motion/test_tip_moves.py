@@ -182,6 +182,7 @@ def test_one_mcap_file_has_commands_and_tip(tmp_path: Path, example_model: Path)
         MotionSource(path, tool="hand").moves(ARM)
 
 
+@pytest.mark.long
 def test_one_mcap_file_has_commands_and_what_the_encoders_read(tmp_path: Path) -> None:
     log, _ = recorded()
     path, late = tmp_path / "drive.mcap", 0.1
