@@ -74,6 +74,12 @@ def rover() -> Arm:
 
 
 @pytest.fixture(scope="session")
+def so101() -> Arm:
+    """The small arm of LeRobot."""
+    return load_arm("so101")
+
+
+@pytest.fixture(scope="session")
 def lawful(lab: Arm) -> Arm:
     """The lab arm with every body standing in the frame of the joint that it loads, so that gravity has an energy."""
     return replace(

@@ -51,7 +51,8 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     braking = braking + omega**2 * sum(effect.damping(drive, p) for effect, p in pairs)
     yielding = sum(effect.compliance(p) for effect, p in pairs)
     heavier = yielding * omega**2 * (drive.inertia - drive.reference)[:, None]
-    inertia = np.maximum(1.0 + heavier + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
+    inertia = 1.0 + heavier + sum(effect.inertia(drive, p) for effect, p in pairs)
+    inertia = _unrepeated(np.maximum(inertia, LEAST_INERTIA))  # often one number: one matrix of a step, not thousands
     stiffness, braking = omega**2 / inertia, braking / inertia
     second = next((x for effect, p in pairs if (x := effect.hung(p)) is not None), None)
     own: tuple[Array, ...] = sprung(stiffness, braking, h)
@@ -92,6 +93,15 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
         v = then
         out[k + 1] = q + behind[0]
     return out
+
+
+def _unrepeated(values: Array) -> Array:
+    """The same values, with one entry along every axis on which they do not vary."""
+    for axis in range(values.ndim):
+        first = values[(slice(None),) * axis + (slice(1),)]
+        if (values == first).all():
+            values = first
+    return values
 
 
 def _rub(

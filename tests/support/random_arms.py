@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm, Body, Joint, MimicJoint, Placement, within_mimics
+from lrm_math.kinematics.poses import Poses, poses_of
 
 
 def random_arm(seed: int, joints: int) -> Arm:
@@ -54,3 +55,9 @@ def with_followers(arm: Arm, seed: int) -> Arm:
 free_arms = st.builds(random_arm, st.integers(0, 10_000), st.integers(1, 10))
 """Every joint has a motor."""
 arms = free_arms | st.builds(with_followers, free_arms, st.integers(0, 10_000))
+
+
+def some_poses(arm: Arm, seed: int, count: int = 5) -> Poses:
+    """Random ones within 1.7 rad, with and without the usual load."""
+    rng = np.random.default_rng(seed)
+    return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))

@@ -26,12 +26,16 @@ from lrmd.messages.zenoh_session import client
 from lrmd.persistence.state_file import load
 from tests.support.daemon.daemon_harness import FAR, DaemonHarness, arm_when_ready, connected, running_harness
 from tests.support.daemon.daemon_process import (
+    LONGEST_LEASE,
     SECOND,
+    SLOW_BOARD,
+    START_TIMEOUT,
     BoardProcess,
     DaemonProcess,
     DaemonSetup,
     children,
     is_alive,
+    role,
     running_daemon,
     wait_for,
 )
@@ -112,8 +116,10 @@ def test_a_client_that_is_killed_leaves_an_arm_that_holds(harness: DaemonHarness
     assert harness.rover.mode().holder is None
 
 
-def test_a_ramp_that_is_killed_on_the_way_takes_over_and_stands_still(harness: DaemonHarness) -> None:
-    with harness.rover.control("test"):
+def test_a_ramp_that_is_killed_on_the_way_takes_over_and_stands_still(tmp_path: Path) -> None:
+    """The board waits for as long as a busy computer takes to start a process."""
+    setup = DaemonSetup.make(tmp_path, SLOW_BOARD | LONGEST_LEASE)
+    with running_harness(setup) as harness, harness.rover.control("test"):
         harness.arm()
         for _ in range(3):
             harness.rover.move({"joint1": 1.5}, wait=False)
@@ -125,8 +131,8 @@ def test_a_ramp_that_is_killed_on_the_way_takes_over_and_stands_still(harness: D
             assert len(harness.pulses()) == 6
         harness.rover.move({"joint1": harness.joint1() - 0.02})
         assert harness.mode() == "armed"
-    assert in_order(["ramp_died", "ramp_restarted"] * 3, harness.codes())
-    assert harness.more("ramp_starts") == 3
+        assert in_order(["ramp_died", "ramp_restarted"] * 3, harness.codes())
+        assert harness.more("ramp_starts") == 3
 
 
 def test_a_move_goes_on_when_the_ik_process_is_killed(harness: DaemonHarness) -> None:
@@ -234,15 +240,12 @@ def test_a_stopped_ramp_is_replaced_before_the_arm_sags(harness: DaemonHarness) 
         harness.under_way()
         stopped = harness.daemon.child("ramp")
         os.kill(stopped, signal.SIGSTOP)
-        time.sleep(1.5)
-        assert not is_alive(stopped)
+        wait_for(lambda: not is_alive(stopped), "it is replaced")
         wait_for(lambda: harness.rover.mode().link == "ready", "the board answers")
         assert "ramp_died" in harness.codes()
-        if harness.pulses():
-            assert harness.mode() == "holding"
-            assert harness.stands_still()
-        else:
-            assert harness.mode() == "fault"
+        known = (("holding", True), ("fault", False))
+        wait_for(lambda: (harness.mode(), bool(harness.pulses())) in known, "it holds, or is limp and known to be")
+        assert harness.stands_still()
 
 
 def test_a_stopped_api_freezes_the_arm_and_wakes_to_a_lost_lease(harness: DaemonHarness) -> None:
@@ -617,11 +620,18 @@ def test_a_ramp_that_dies_again_and_again_ends_the_daemon(tmp_path: Path) -> Non
     setup = DaemonSetup.make(tmp_path)
     with BoardProcess(setup), DaemonProcess(setup) as daemon:
         daemon.ready()
-        for _ in range(10):
-            os.kill(daemon.child("ramp"), signal.SIGKILL)
-            time.sleep(0.05)
-        assert daemon.process.wait(5) == 1
+
+        def killed() -> bool:
+            for pid in children(daemon.pid):
+                if role(pid) == "ramp":
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+            return daemon.process.poll() is not None
+
+        wait_for(killed, "the daemon gives up", START_TIMEOUT, 0.05)
+        assert daemon.process.returncode == 1
         assert daemon.codes()[-1] == "given_up"
+        assert daemon.codes().count("ramp_died") >= 9, "and the last one"
         assert children(daemon.pid) == []
 
 

@@ -49,7 +49,7 @@ def test_a_log_that_nobody_reads_stops_nothing(tmp_path: Path, output: Callable[
 def test_an_ik_process_that_cannot_start_lets_no_arm_fall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = tmp_path / "program"
     for package in ("lrmd", "lrm_math"):
-        shutil.copytree(ROOT / package, program / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / package, program / package, ignore=shutil.ignore_patterns("*.pyc.*"))  # being written
     shutil.copytree(ROOT / "config", program / "config")
     monkeypatch.setenv("PYTHONPATH", str(program))
     setup = DaemonSetup.make(tmp_path, SLOW_BOARD)

@@ -18,7 +18,7 @@ from lrmd.ik.process import QUEUE
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import CancelRequest, FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import SLOW_BOARD, START_TIMEOUT, DaemonSetup, running_daemon, wait_for
 
 GOAL = GoalEntry(position_m=[0.2, 0.1, 0.3])
 HOG = IkRequest(id="hog", goals=[GOAL] * 1000, deadline_ms=60_000.0)
@@ -37,7 +37,7 @@ def setup(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonSetup]:
                 return bool(rover.ik(IkRequest(goals=[GOAL])).answers)
             return False
 
-        wait_for(answers, "the ik process answers", pause=0.05)
+        wait_for(answers, "the ik process answers", START_TIMEOUT, 0.05)
         yield setup
 
 

@@ -24,7 +24,14 @@ from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import CancelRequest, FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
 from tests.conftest import TABLE_B2
-from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonProcess, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import (
+    SLOW_BOARD,
+    START_TIMEOUT,
+    DaemonProcess,
+    DaemonSetup,
+    running_daemon,
+    wait_for,
+)
 
 GOAL = GoalEntry(position_m=[0.2, 0.1, 0.3])
 LONG = IkRequest(id="long", goals=[GOAL] * 1000, method="cube", deadline_ms=60_000.0)
@@ -45,7 +52,7 @@ class IkHarness:
                 return bool(self.ask().answers)
             return False
 
-        wait_for(answers, "the ik process answers", pause=0.05)
+        wait_for(answers, "the ik process answers", START_TIMEOUT, 0.05)
 
     def codes(self) -> list[str]:
         return [event.code for event in self.rover.events()]
@@ -242,7 +249,7 @@ def test_until_it_is_back_every_query_is_told_so(harness: IkHarness) -> None:
                 answers.append([(e.code, e.retryable) if e else None for e in errors])
             return answers[-1] == [None]
 
-        wait_for(answered, "it answers again")
+        wait_for(answered, "it answers again", START_TIMEOUT)
     assert [("busy", True)] in answers
     assert all(one and set(one) <= {None, ("busy", True)} for one in answers), "none is left without a reply"
 
@@ -261,7 +268,7 @@ def test_after_its_death_it_takes_no_file_that_the_daemon_has_not_accepted(harne
             pass
         return bool(seen)
 
-    wait_for(refused, "it refuses to answer", pause=0.05)
+    wait_for(refused, "it refuses to answer", START_TIMEOUT, 0.05)
     assert seen == ["no_model"]
     assert harness.rover.reload().model_sha256 == wanted
     assert harness.ask().model_sha256 == wanted

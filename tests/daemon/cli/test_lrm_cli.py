@@ -103,6 +103,7 @@ def test_degrees_are_understood_with_and_without_their_name(value: float, unit: 
     assert parse_angle(f"{pad}{value!r}{unit}{pad}") == math.radians(value)
 
 
+@pytest.mark.long
 @given(value=st.floats(-20, 20))
 def test_radians_keep_every_digit(value: float) -> None:
     assert parse_angle(f"{value!r}rad") == value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -23,15 +22,9 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from tests.support.daemon.armed_daemon import ArmedDaemon, take
-from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 
 LOADED, BALANCED = (0.0, 0.4, 0.0, 0.0, 0.0, 0.0), (0.0, -0.03, 0.0, 0.01, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
-    folder: Path = tmp_path_factory.mktemp("config")
-    return config_at(330.0, folder)
 
 
 def armed(config: Config, torque: tuple[float, ...]) -> ArmedDaemon:

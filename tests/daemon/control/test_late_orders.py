@@ -19,16 +19,10 @@ from lrmd.messages.control import ArmRequest, JogRequest, MotionRequest, MoveReq
 from lrmd.messages.inbox import Inbox
 from lrmd.messages.skills import SkillRequest
 from tests.support.daemon.armed_daemon import ArmedDaemon
-from tests.support.daemon.in_memory_daemon import config_at
 from tests.support.daemon.in_memory_zenoh import FakeZenohSession
 from tests.support.daemon.losing_daemon import LosingDaemon
 
 NEAR = {"joint1": 0.1}
-
-
-@pytest.fixture(scope="module")
-def config(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    return config_at(330.0, tmp_path_factory.mktemp("config"))
 
 
 @pytest.fixture

@@ -14,16 +14,11 @@ from lrm_math.errors import LrmError
 from lrmd.control.lease import LATE, TABLE, Lease, LeaseError, LeaseEvent, LeaseState
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import LEASE_LOST, ArmRequest, DisarmRequest, JogRequest, LeaseRequest, MoveRequest
-from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 
 CLIENTS = st.sampled_from(["anna", "bruno", "carla"])
 CYCLE = 3
 """Ticks between two cycles of the API."""
-
-
-@pytest.fixture(scope="module")
-def config(tmp_path_factory):
-    return config_at(330.0, tmp_path_factory.mktemp("config"))
 
 
 def acquire(sim: SimulatedDaemon, holder: str, **options) -> str:

@@ -34,11 +34,6 @@ SECOND = 1_000_000_000
 TICK = 6_500_000
 
 
-@pytest.fixture(scope="module")
-def config(tmp_path_factory):
-    return config_at(330.0, tmp_path_factory.mktemp("config"))
-
-
 @pytest.fixture
 def sim(config) -> SimulatedDaemon:
     w = SimulatedDaemon(config)

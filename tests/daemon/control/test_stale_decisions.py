@@ -191,11 +191,6 @@ def test_no_decision_by_an_old_report_moves_anything(tmp_path_factory: pytest.Te
 
 
 @pytest.fixture(scope="module")
-def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
-    return config_at(330.0, tmp_path_factory.mktemp("config"))
-
-
-@pytest.fixture(scope="module")
 def two_on(config: Config) -> StaleDecisions:
     """Two joints that a client has armed."""
     CONFIGS[:] = [config]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -29,15 +28,9 @@ from lrmd.ramp.core import RampCore
 from lrmd.ramp.process import last_report
 from lrmd.ramp.shared_memory import CHECK, RampFault, SharedRecords
 from tests.support.daemon.armed_daemon import ArmedDaemon, take
-from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
-
-
-@pytest.fixture(scope="module")
-def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
-    folder: Path = tmp_path_factory.mktemp("config")
-    return config_at(330.0, folder)
 
 
 @pytest.fixture(scope="module")

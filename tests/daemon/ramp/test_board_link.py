@@ -11,22 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrmd.config import Config, load_config
+from lrmd.config import Config
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.link.protocol import BoardStatus
 from lrmd.ramp.board_link import NUMBERS, TABLE, Action, BoardLink, BoardReply
 from lrmd.ramp.shared_memory import LinkState, RampFault
-from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
 from tests.support.sweep import examples
 
 ALIVE = BoardStatus.PULSING | BoardStatus.SET_UP
-
-
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(CONFIG)
 
 
 def frames(wire: bytes) -> list[Frame]:

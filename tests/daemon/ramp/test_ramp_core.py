@@ -9,21 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.api.children import board_settings
-from lrmd.config import MS, Config, load_config
+from lrmd.config import MS, Config
 from lrmd.link import protocol
 from lrmd.link.frames import FrameType, encode
 from lrmd.ramp.core import RampCore
 from lrmd.ramp.process import STANDBY_TICKS
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace, Way, move
-from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
 from tests.support.sweep import examples
-
-
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(CONFIG)
 
 
 def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:

@@ -22,11 +22,6 @@ TORQUES = st.lists(st.floats(-2, 2), min_size=N, max_size=N)
 SECONDS = st.floats(0, 1e5)
 
 
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(CONFIG)
-
-
 @given(TEMPERATURES, TORQUES, SECONDS, SECONDS)
 def test_two_steps_are_one_step_of_their_sum(T: list[float], tau: list[float], a: float, b: float) -> None:
     assert MODEL.after(b, MODEL.after(a, T, tau), tau) == pytest.approx(MODEL.after(a + b, T, tau), rel=1e-9, abs=1e-9)

@@ -136,6 +136,7 @@ def test_an_arm_of_ones_own(folder: Path) -> None:
     stdout_of("compare", folder / "own.toml", EXAMPLE)
 
 
+@pytest.mark.long
 def test_predict_says_that_times_are_not_used(folder: Path) -> None:
     """A drift of the model would be left out without a word."""
     poses = folder / "set_clock.csv"

@@ -23,7 +23,6 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
@@ -37,11 +36,6 @@ from tests.conftest import TABLE_B2
 from tests.support.commands import stdout_of
 
 SD, TURN_SD, FEEDBACK_SD = 4e-4, 2e-3, 4e-4
-
-
-@pytest.fixture(scope="module")
-def so101() -> Arm:
-    return load_arm("so101")
 
 
 def hidden(arm: Arm, **effects: float) -> Model:

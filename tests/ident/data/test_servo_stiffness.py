@@ -18,9 +18,9 @@ from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
 from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from
 from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -209,7 +209,7 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     )
     tcp = synthetic.measure(rig, truth, q, 0.0, 3e-4, seed)
     data = Measurements.of_tcp(poses_of(q), tcp, 3e-4)
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    model = nominal_model(arm)
     found = fit_identifiable(model, data, model.keys).fit
     drawn, n, p = synthetic.measure(rig, truth, q) - tcp, tcp.size, len(model.keys)
     spread = np.sqrt(p / (2 * n * (n - p)))  # of sigma about that of the noise drawn, of which the fit takes up p parts

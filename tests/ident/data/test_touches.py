@@ -20,7 +20,6 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm, Placement
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
@@ -42,11 +41,6 @@ STANDS = {
 Touches = list[tuple[Array, str, str]]
 """Joint angles (rad), point and placement of each touch."""
 HIDDEN = {"offsets.joint3.theta_rad": 0.03, "offsets.joint2.a_mm": -2e-3, "offsets.joint3.a_mm": 2e-3}
-
-
-@pytest.fixture(scope="module")
-def so101() -> Arm:
-    return load_arm("so101")
 
 
 def at_goals(model: Model, goals: Array, seed: int) -> Array:

@@ -27,6 +27,7 @@ from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimina
 from lrm_ident.design.pose_design import DesignProblem, PoseDesign, _distinct, _from_both_sides, design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, bounds_of, no_bounds, select_parameters
 from lrm_ident.measuring.campaign.plan import load_plan
 from lrm_math.arm.arm import Arm
@@ -36,16 +37,12 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import model_of
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 
 MEASURED_LEVELS = "-100,0,100; joint2=-50,0,50; joint6=-50,0,50"
 RIVALS = ("backlash@joint2", "nonlinear_stiffness@joint2")
-
-
-def model_45(arm: Arm) -> Model:
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
 def offered(arm: Arm, count: int = 400, loads: tuple[float, ...] = (0.0,)) -> Poses:
@@ -56,7 +53,7 @@ def offered(arm: Arm, count: int = 400, loads: tuple[float, ...] = (0.0,)) -> Po
 
 def task(arm: Arm, rivals: tuple[str, ...] = (), **other: object) -> DesignProblem:
     effects = tuple(effect for name in rivals for effect in effects_at(arm, name))
-    usual = DesignProblem(model_45(arm), TABLE_4_5, effects, 40, "O1", 3e-4, None, 4, 1, 0)
+    usual = DesignProblem(nominal_model(arm), TABLE_4_5, effects, 40, "O1", 3e-4, None, 4, 1, 0)
     return replace(usual, **other)  # type: ignore[arg-type]
 
 
@@ -176,7 +173,7 @@ def test_expected_errors_are_what_fits_scatter_by(lab: Arm) -> None:
     """Inject and refit: the TCP errs as far as promised, on average over the candidates."""
     poses = offered(lab)
     found = design(task(lab), poses)
-    truth = replace(model_45(lab), free=TABLE_4_5)
+    truth = replace(nominal_model(lab), free=TABLE_4_5)
     tcp, everywhere = solve_equilibrium(truth, found.poses).tcp, solve_equilibrium(truth, poses).tcp
     rng, away = np.random.default_rng(0), []
     for _ in range(25):
@@ -220,7 +217,7 @@ def test_rivals_that_nothing_can_tell_apart(lab: Arm) -> None:
 @pytest.mark.slow
 def test_identification_on_chosen_real_poses(real: Measurements, lab: Arm) -> None:
     """Constrained sets identify physically; with bounds in the fit any set does."""
-    model = model_45(lab)
+    model = nominal_model(lab)
     model = replace(model, free=select_parameters(model, "option1"))
     for seed in range(2):
         found = select_poses(model, real, 34, physical=True, seed=seed)

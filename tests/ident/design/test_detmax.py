@@ -20,14 +20,15 @@ from lrm_ident.design.fisher_information import RankDeficient, fisher_informatio
 from lrm_ident.design.observability import INDICES, Index, identification_jacobian, observability, unit_of
 from lrm_ident.design.optimality import FeasibleCriterion, criterion_of
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, no_bounds, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import Parameter, effects_at
+from lrm_math.effects import Parameter
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 from tests.support.sweep import examples
 from tests.support.thesis_parameters import thesis_model, thesis_values
 
@@ -39,10 +40,6 @@ def columns_of(seed: int, poses: int, parameters: int) -> Array:
     rng = np.random.default_rng(seed)
     mixed = rng.normal(size=(poses, 3, parameters)) @ (np.eye(parameters) + 0.5 * rng.normal(size=(parameters,) * 2))
     return mixed * 10.0 ** rng.uniform(-1, 1, parameters)
-
-
-def model_45(arm: Arm) -> Model:
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
 def test_indices_of_known_singular_values() -> None:
@@ -207,7 +204,7 @@ def test_the_identification_follows_every_exchange(seed: int) -> None:
 @pytest.mark.slow
 def test_fifty_of_the_real_poses_can_hardly_be_chosen_better(real: Measurements, lab: Arm) -> None:
     """No set of 50, whoever chose it, has an O1 more than 1 % above ours; blind sets have far less."""
-    J = identification_jacobian(solve_equilibrium(model_45(lab), real.poses), TABLE_4_5)
+    J = identification_jacobian(solve_equilibrium(nominal_model(lab), real.poses), TABLE_4_5)
     rows = exchange(J, 50).rows
     ours = observability(J[rows]).O1
     assert len(set(rows.tolist())) == 50
@@ -241,7 +238,7 @@ def thesis_search(J: Array, n: int, accepts: Callable[[list[int]], bool]) -> lis
 def test_the_published_fifty_are_found_again_and_ours_are_better(real: Measurements, lab: Arm, shared: Path) -> None:
     """The thesis prints neither its sets nor their index. Its search has no chance in it: what it finds, identified, is
     the published parameters to four digits, so it is the published set."""
-    empty = replace(model_45(lab), free=select_parameters(model_45(lab), "option1"))
+    empty = replace(nominal_model(lab), free=select_parameters(nominal_model(lab), "option1"))
     J = identification_jacobian(solve_equilibrium(empty, real.poses), empty.free)
 
     def identified(rows: list[int]) -> Model:
@@ -265,7 +262,7 @@ def test_the_published_fifty_are_found_again_and_ours_are_better(real: Measureme
 @pytest.mark.parametrize("index", INDICES)
 def test_every_index_is_raised_on_an_arm(lab: Arm, index: Index) -> None:
     q = np.random.default_rng(1).uniform(-1.7, 1.7, (120, 6))
-    J = identification_jacobian(solve_equilibrium(model_45(lab), poses_of(q)), TABLE_4_5)
+    J = identification_jacobian(solve_equilibrium(nominal_model(lab), poses_of(q)), TABLE_4_5)
     found = exchange(J, 30, index, starts=2)
     criterion, rng = criterion_of(J, index), np.random.default_rng(0)
     starts = [rng.choice(len(J), 30, replace=False) for _ in range(2)]

@@ -14,24 +14,19 @@ from lrm_ident.data.measurement_file.number_table import read_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import identification_jacobian, observability
 from lrm_ident.design.parameter_elimination import eliminate
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, THESIS_OPTIONS
 from lrm_ident.report.plain_names import symbol
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
-from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.random_arms import arms, random_arm
 from tests.support.sweep import examples
 
 HEADER = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
-
-
-def model_45(arm: Arm) -> Model:
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
 def some_poses(arm: Arm, seed: int, count: int) -> Poses:
@@ -40,21 +35,21 @@ def some_poses(arm: Arm, seed: int, count: int) -> Poses:
 
 @pytest.fixture(scope="module")
 def at_rest(lab: Arm) -> Equilibrium:
-    return solve_equilibrium(model_45(lab), some_poses(lab, 0, 100))
+    return solve_equilibrium(nominal_model(lab), some_poses(lab, 0, 100))
 
 
 def test_letters_of_the_thesis(lab: Arm) -> None:
     letters = [symbol(key) for key in TABLE_4_5]
     assert letters[:5] == ["δα2", "δα3", "δα4", "δα5", "k0"]
     assert {"k6", "δa3", "δθ1", "δd4", "δx_b", "δy_t", "δdd3"} <= set(letters)
-    every = [symbol(key) for key in model_45(lab).keys]
+    every = [symbol(key) for key in nominal_model(lab).keys]
     assert len(set(every)) == 45
 
 
 @examples(5, 10)
 @given(arms, st.integers(0, 1000), st.sampled_from(["thesis", "scaled"]))
 def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, units: str) -> None:
-    model = model_45(arm)
+    model = nominal_model(arm)
     equilibrium = solve_equilibrium(model, some_poses(arm, seed, 40))
     found = eliminate(equilibrium, model.keys, units, 1e-4)  # type: ignore[arg-type]
     scaled = identification_jacobian(equilibrium, model.keys).reshape(-1, len(model.keys))
@@ -73,7 +68,7 @@ def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, un
 @pytest.mark.parametrize("seed", [2894])
 def test_what_depends_on_a_parameter_that_is_removed_later_is_kept(seed: int) -> None:
     """An inclination went as exactly dependent on a length, then the length as too weak: nothing told the rest."""
-    model = model_45(random_arm(seed, 5))
+    model = nominal_model(random_arm(seed, 5))
     found = eliminate(solve_equilibrium(model, some_poses(model.arm, 0, 40)), model.keys, "thesis", 1e-4)
     assert "offsets.joint3.beta_rad" in found.kept
     assert found.kept_values["thesis"][-1] >= 1e-4
@@ -85,7 +80,7 @@ def test_what_depends_on_a_parameter_that_is_removed_later_is_kept(seed: int) ->
 @examples(5, 10)
 def test_the_order_in_which_parameters_are_named_does_not_matter(order: list[int]) -> None:
     arm = load_arm("lrm-lab")
-    equilibrium = solve_equilibrium(model_45(arm), some_poses(arm, 0, 60))
+    equilibrium = solve_equilibrium(nominal_model(arm), some_poses(arm, 0, 60))
     keys = equilibrium.model.keys
     assert set(eliminate(equilibrium, [keys[i] for i in order]).kept) == set(eliminate(equilibrium, keys).kept)
 
@@ -128,7 +123,7 @@ def test_the_threshold_counts_poses_and_has_units(at_rest: Equilibrium) -> None:
 
 
 def test_the_28_of_the_thesis_are_independent_on_its_poses(real: Measurements, lab: Arm) -> None:
-    equilibrium = solve_equilibrium(model_45(lab), real.poses)
+    equilibrium = solve_equilibrium(nominal_model(lab), real.poses)
     found = eliminate(equilibrium, TABLE_4_5)
     assert set(found.kept) == set(TABLE_4_5)
     assert not found.removals
@@ -144,7 +139,7 @@ def test_the_28_of_the_thesis_are_independent_on_its_poses(real: Measurements, l
 
 def test_the_norm_of_the_thesis(lab: Arm) -> None:
     """Conenna 2024, section 4.6: about 7e5 at the home position, the kinematic one three orders smaller."""
-    equilibrium = solve_equilibrium(model_45(lab), poses_of(np.zeros(lab.dof)))
+    equilibrium = solve_equilibrium(nominal_model(lab), poses_of(np.zeros(lab.dof)))
     whole, kinematic = (
         np.linalg.norm(identification_jacobian(equilibrium, THESIS_OPTIONS[name], "thesis"))
         for name in ("option1", "option2")

@@ -33,6 +33,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with, effects_in
 from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import loss_named
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.better_prediction import paired_z
@@ -58,7 +59,7 @@ FLOOR = 0.3e-3 * np.sqrt(3)
 
 
 def base_fit(arm: Arm, data: Measurements) -> Model:
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    model = nominal_model(arm)
     return fit_identifiable(model, data, model.keys).fit.model
 
 
@@ -80,7 +81,7 @@ def diagnosed(lab: Arm, tmp_path_factory: pytest.TempPathFactory) -> Callable[[s
 
 @pytest.fixture(scope="module")
 def real_under_option_1(real: Measurements, lab: Arm) -> Diagnosis:
-    model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
+    model = nominal_model(lab)
     return diagnose(replace(model, free=select_parameters(model, "option1")), real)
 
 

@@ -18,6 +18,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report, 
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.residual.thresholds import MAX_WALD_P
@@ -51,7 +52,7 @@ BY_NAME = {case.name: case for case in FAULT_CASES}
 
 def course(lab: Arm, name: str) -> tuple[AutoRun, DiagnosisReport]:
     data, _ = spoiled(BY_NAME[name], SEED - FIRST_SEED[FAULTS], POSES)
-    model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
+    model = nominal_model(lab)
     run = run_auto(fit_identifiable(model, data, model.keys).fit.model, data)
     return run, report_of(run.confirmed)
 

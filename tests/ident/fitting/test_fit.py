@@ -51,17 +51,13 @@ LAB_FILE = ROOT / "config" / "arms" / "lrm-lab.toml"
 EXAMPLE = ROOT / "lrm_ident" / "data" / "examples" / "hidden-play.csv"
 
 
-def base_model(arm: Arm) -> Model:
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-
-
 def measured(poses: Poses, tcp: np.ndarray, sd: np.ndarray | None = None) -> Measurements:
     return Measurements.of_tcp(poses, tcp, sd=sd)
 
 
 def random_truth(arm: Arm, seed: int, option: str = "option1") -> Model:
     """Option 1's parameters at random, of typical sizes; all compliances above zero."""
-    empty = base_model(arm)
+    empty = nominal_model(arm)
     rng = np.random.default_rng(seed)
     values = {}
     for key in select_parameters(empty, option):
@@ -81,7 +77,7 @@ def random_poses(seed: int, count: int = 150) -> Poses:
 @given(st.integers(0, 1000))
 def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
     truth, poses = random_truth(lab, seed), random_poses(seed)
-    result = fit(replace(base_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp))
+    result = fit(replace(nominal_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp))
     assert error_stats(result.residual).max < 1e-8
     for key, typical in zip(result.model.keys, [p.typical for p in result.model.parameters], strict=True):
         assert result.model.value(key) == pytest.approx(truth.value(key), abs=1e-5 * typical), key
@@ -92,7 +88,7 @@ def test_noisy_data_give_them_back_within_their_standard_errors(lab: Arm, seed: 
     truth, poses = random_truth(lab, seed), random_poses(seed, 300)
     noise = np.random.default_rng(seed).normal(0, 3e-4, (300, 3))
     result = fit(
-        replace(base_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp + noise)
+        replace(nominal_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp + noise)
     )
     assert result.sigma == pytest.approx(3e-4, rel=0.1)
     free = [key not in result.at_bound for key in truth.free]
@@ -110,7 +106,7 @@ def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> 
     q = synthetic.random_poses(rig, 300, seed)
     payload = np.tile([0.0, 0.0663], 150)
     tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q, payload, 3e-4, seed)
-    model = base_model(lab)
+    model = nominal_model(lab)
     result = fit_identifiable(model, measured(poses_of(q, payload), tcp), model.keys).fit
     assert 2.8e-4 < result.sigma < 3.4e-4
     left_out = error_stats(cross_validated_residual(result.model, measured(poses_of(q, payload), tcp)))
@@ -121,7 +117,7 @@ def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> 
 def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
     """Compare shows without knowing: the residual follows the torque of joint 2; play in it explains most."""
     data = load_measurements(EXAMPLE, lab)
-    model = base_model(lab)
+    model = nominal_model(lab)
     plain = fit_identifiable(model, data, model.keys).fit
     assert compare(plain.model, data).factors[0].variable == ExplanatoryVariable("torque", 1)
     loose = model_of(lab, (*model.effects, *effects_at(lab, "backlash@joint2")))
@@ -161,7 +157,7 @@ def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
     values = truth.values.copy()
     values[truth.position(key)] = -0.1
     data = measured(poses, solve_equilibrium(truth.with_values(values), poses).tcp)
-    start = replace(base_model(lab), free=truth.free)
+    start = replace(nominal_model(lab), free=truth.free)
     bounded, unbounded = fit(start, data), fit(start, data, no_bounds(start.free))
     assert bounded.at_bound == (key,)
     assert bounded.model.value(key) == 0.0
@@ -190,7 +186,7 @@ def test_a_robust_loss_bears_wrong_measurements_and_names_them(lab: Arm, loss: H
     tcp = solve_equilibrium(truth, poses).tcp + rng.normal(0, 3e-4, (200, 3))
     wrong = rng.choice(200, 12, replace=False)
     tcp[wrong] += rng.normal(0, 0.05, (12, 3))
-    start = replace(base_model(lab), free=truth.free)
+    start = replace(nominal_model(lab), free=truth.free)
     plain, robust = fit(start, measured(poses, tcp)), fit(start, measured(poses, tcp), loss=loss)
     good = np.setdiff1d(np.arange(200), wrong)
     away = [
@@ -221,7 +217,7 @@ def test_equal_standard_deviations_change_nothing_and_unequal_ones_weigh(lab: Ar
     noise = np.random.default_rng(7).normal(0, 1e-3, (100, 3))
     sd = np.where(np.arange(100) < 60, 1e-5, 1e-3)
     exact = solve_equilibrium(truth, poses).tcp
-    start = replace(base_model(lab), free=truth.free)
+    start = replace(nominal_model(lab), free=truth.free)
     plain = fit(start, measured(poses, exact + noise))
     same = fit(start, measured(poses, exact + noise, np.full(100, 5e-4)))
     np.testing.assert_allclose(same.model.values, plain.model.values, atol=1e-7)
@@ -234,7 +230,7 @@ def test_equal_standard_deviations_change_nothing_and_unequal_ones_weigh(lab: Ar
 def test_too_few_poses(lab: Arm) -> None:
     truth, poses = random_truth(lab, 8), random_poses(8, 20)
     with pytest.raises(LrmError, match="20 poses for 28 parameters"):
-        fit(replace(base_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp))
+        fit(replace(nominal_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp))
 
 
 def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,8 +239,8 @@ def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.Monk
     truth, poses = random_truth(lab, 9), random_poses(9)
     data = measured(poses, solve_equilibrium(truth, poses).tcp)
     with pytest.raises(FitNotConverged, match="did not converge"):
-        fit(replace(base_model(lab), free=truth.free), data)
-    assert try_held_out(replace(base_model(lab), free=truth.free), data).residual is None
+        fit(replace(nominal_model(lab), free=truth.free), data)
+    assert try_held_out(replace(nominal_model(lab), free=truth.free), data).residual is None
 
 
 @pytest.mark.slow
@@ -289,7 +285,7 @@ def test_held_out_poses_are_never_seen(lab: Arm) -> None:
     """Moving the measurements of one block does not change what the others' fits predict for it."""
     truth, poses = random_truth(lab, 10), random_poses(10, 120)
     tcp = solve_equilibrium(truth, poses).tcp + np.random.default_rng(1).normal(0, 3e-4, (120, 3))
-    model = replace(base_model(lab), free=truth.free)
+    model = replace(nominal_model(lab), free=truth.free)
     data = measured(poses, tcp)
     first = joint_space_folds(poses.q, data.repeat_of) == 0
     moved = tcp.copy()
@@ -309,7 +305,7 @@ def test_nominal_error_of_the_real_data(real: Measurements, lab: Arm) -> None:
 
 @pytest.mark.parametrize("option", THESIS_OPTIONS)
 def test_the_thesis_options_on_the_real_data(real: Measurements, lab: Arm, option: str) -> None:
-    model = base_model(lab)
+    model = nominal_model(lab)
     keys = select_parameters(model, option)
     result = fit(replace(model, free=keys), real, no_bounds(keys))
     error = error_stats(result.residual)
@@ -322,7 +318,7 @@ def test_the_thesis_options_on_the_real_data(real: Measurements, lab: Arm, optio
 
 @pytest.mark.slow
 def test_the_identifiable_part_does_better_on_held_out_real_poses(real: Measurements, lab: Arm) -> None:
-    model = base_model(lab)
+    model = nominal_model(lab)
     option1 = fit(replace(model, free=select_parameters(model, "option1")), real)
     default = fit_identifiable(model, real, model.keys).fit
     before, after = (error_stats(cross_validated_residual(found.model, real)).rms for found in (option1, default))

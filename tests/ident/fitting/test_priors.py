@@ -57,7 +57,7 @@ def correlated(prior: Prior, seed: int) -> Prior:
 @pytest.fixture(scope="module")
 def whole(lab: Arm) -> Model:
     """All 45 parameters of levels 2 and 3, free."""
-    model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
+    model = nominal_model(lab)
     return replace(model, free=model.keys)
 
 
@@ -204,7 +204,7 @@ def test_too_few_for_the_held_out_error_are_counted_as_the_user_does(whole: Mode
 @pytest.mark.parametrize("arm", sorted(shipped_arms()))
 def test_shipped_priors_fit_every_arm(arm: str) -> None:
     the_arm = load_arm(arm)
-    model = model_of(the_arm, effects_at(the_arm, "offsets") + effects_at(the_arm, "compliance"))
+    model = nominal_model(the_arm)
     assert set(shipped_priors()) >= {"printed", "vague"}
     for name in shipped_priors():
         prior = load_prior(name, model)

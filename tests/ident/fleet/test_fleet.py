@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 
 from lrm_ident.fitting.executors import executor_for, in_this_process
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.priors import EffectRates, PriorFile, load_prior, load_rates
 from lrm_ident.fleet import run_fleet as running
 from lrm_ident.fleet.identify_arm import ArmRecord, identify_arm
 from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import run_fleet, task_of
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
-from lrm_math.model.model import model_of
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.step_name import REFIT, StepName
 from lrm_math.toml_file import read_toml
@@ -32,6 +31,7 @@ from tests.support.sweep import soak
 pytestmark = pytest.mark.usefixtures("one_step_folds")
 
 
+@pytest.mark.long
 def test_manifest_and_its_faults(tmp_path: Path) -> None:
     path = tmp_path / "manifest.csv"
     path.write_text("Data;Batch\na.csv;A\nb.csv;B\n")
@@ -159,7 +159,7 @@ def test_fleet_from_manifest_to_prior(manifest: Path, identified: tuple[Path, st
     known = prior.parameters[SOFT]
     assert abs(known.mean - 0.02) < 3 * known.sd < 0.02
     arm = load_arm(ARM)
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    model = nominal_model(arm)
     assert load_prior(str(out / "prior.toml"), model).mean_of([SOFT])[0] == known.mean
     text = stdout_of("fit", manifest.parent / "arm0.csv", "--arm", ARM, "--prior", out / "prior.toml")
     assert "fleet manifest" in text

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from functools import cache
+
 import numpy as np
 
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
@@ -11,6 +14,7 @@ FPS, FINE, JOINT = 30, 40, 1
 ENCODER = 2.0 * np.pi / 4096.0
 
 
+@cache
 def recording(
     seconds: float = 66.0,
     frequency: float = 4.0,
@@ -59,10 +63,11 @@ def _followed(
     q, v, out, goal = float(told[0]), 0.0, [], float(told[0])
     for k in range(len(told)):
         out.append(q)
+        wanted = float(told[max(k - late, 0)])
         for _ in range(FINE):
-            goal += float(np.clip(told[max(k - late, 0)] - goal, -speed * h, speed * h))
+            goal += min(max(wanted - goal, -speed * h), speed * h)
             then = ((1.0 - braking) * v + h * omega**2 * (goal - q)) / (1.0 + braking)
             rub = h * omega**2 * (friction + drag * v * v)
-            v = 0.0 if abs(then) <= rub else then - np.sign(then) * rub
+            v = 0.0 if abs(then) <= rub else then - math.copysign(rub, then)
             q += h * v
     return np.array(out)

@@ -42,9 +42,8 @@ ARM = load_arm("so101")
 FEW = (ServoResponse, RestOffset, DeadTime, SpeedLimit, CoulombFriction, MotionPlay)
 
 
-def moves(frames_of: object = None, **hidden: float) -> Moves:
+def moves(**hidden: float) -> Moves:
     """Moves of a recording with something hidden in joint 2."""
-    del frames_of
     return moves_of(recording(**hidden), ARM, Path("recording"))  # type: ignore[arg-type]
 
 
@@ -98,8 +97,9 @@ def test_a_sound_servo_is_identified_and_nothing_is_missing() -> None:
         name = f"servo_response.joint2.{key}"
         assert abs(values[name] - true) < 4.0 * sigma[name] + 0.004
     assert own.fits[JOINT].held_out_rms < 1.1 * own.moves.noise[JOINT]
-    assert all(one.first is None for one in own.screen())
-    words = diagnosis_document(own, own.screen()).text()
+    screened = own.screen()
+    assert all(one.first is None for one in screened)
+    words = diagnosis_document(own, screened).text()
     assert "No missing effect found" in words
 
 

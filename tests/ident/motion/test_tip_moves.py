@@ -86,6 +86,11 @@ def study() -> MotionStudy:
     return MotionStudy.of(moves, (ServoResponse, RestOffset, Swing)).fit()
 
 
+@cache
+def with_swing() -> MotionStudy:
+    return study().add("swing@joint1")
+
+
 def mean_hz() -> float:
     """Frequency at the mean of all postures of what swings with `HZ` at this one."""
     chain, rng = chain_of(ARM), np.random.default_rng(8)
@@ -96,8 +101,7 @@ def mean_hz() -> float:
 
 @pytest.mark.long
 def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> None:
-    start = study()
-    own = start.add("swing@joint1")
+    start, own = study(), with_swing()
     assert isinstance(own.moves, TipMoves)
     assert own.moves.noise[0] == pytest.approx(NOISE, rel=0.15)
     assert own.held_out_rms < 0.5 * start.held_out_rms
@@ -137,7 +141,7 @@ def test_the_picture_of_a_tip_names_what_was_tracked(tmp_path: Path, monkeypatch
             assert apart[1] < 0.5 * apart[0], "mm, of the tip along one axis"
 
     monkeypatch.setattr(motion_picture, "finish", note)
-    motion_picture.draw_motion(study(), study().add("swing@joint1"), tmp_path / "move.png")
+    motion_picture.draw_motion(study(), with_swing(), tmp_path / "move.png")
     assert (tmp_path / "move.png").stat().st_size > 0
     assert "tracked tip" in said
     assert "reading − prediction, mm" in said
@@ -178,6 +182,7 @@ def test_one_mcap_file_has_commands_and_tip(tmp_path: Path, example_model: Path)
         MotionSource(path, tool="hand").moves(ARM)
 
 
+@pytest.mark.long
 def test_one_mcap_file_has_commands_and_what_the_encoders_read(tmp_path: Path) -> None:
     log, _ = recorded()
     path, late = tmp_path / "drive.mcap", 0.1

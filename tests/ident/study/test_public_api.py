@@ -84,11 +84,11 @@ def test_the_recipe_of_the_docs_finds_what_it_hides(
 
 
 @pytest.mark.long
-def test_measurements_studies_and_fits_say_in_a_line_what_they_are() -> None:
-    data = lrm.load(lrm.EXAMPLE)
-    begun = lrm.Study.of(data)
-    study = begun.fit()
-    better, known = study.add("backlash@joint2"), len(study.model.free)
+def test_measurements_studies_and_fits_say_in_a_line_what_they_are(
+    example_study: lrm.Study, better_study: lrm.Study
+) -> None:
+    data, study, better = lrm.load(lrm.EXAMPLE), example_study, better_study
+    begun, known = lrm.Study.of(data), len(study.model.free)
     columns = "positions, payloads, times, sessions"
     assert repr(data) == f"<Measurements of lrm-lab: 300 poses, 6 joints; {columns}; hidden-play.csv>"
     count = f"{len(begun.model.free)} free parameters, 300 poses"

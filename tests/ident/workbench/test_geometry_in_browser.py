@@ -105,8 +105,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
     data = part_of_example(folder)
     study = lrm.Study.of(lrm.load(data)).fit()
+    screened = study.screen()  # for all steps: a screening before each is half of the time
     for effect in EFFECTS:
-        study = study.add(effect)
+        study = study.add(effect, screened)
     study.save(folder / "m.toml")
     stdout_of("report", folder / "m.toml", data, "-o", folder / "r.html")
     return folder / "r.html"

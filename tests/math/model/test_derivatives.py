@@ -22,7 +22,7 @@ from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian, respo
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import encoder_angles
-from tests.support.random_arms import arms, random_arm
+from tests.support.random_arms import arms, random_arm, some_poses
 from tests.support.sweep import seeds
 
 TIGHT = 1e-14
@@ -37,11 +37,6 @@ def full_model(arm: Arm, seed: int) -> Model:
     size = np.random.default_rng(seed).uniform(0.1, 0.5, len(model.keys))
     values = [p.default or s * p.typical for p, s in zip(model.parameters, size, strict=True)]
     return model.with_values(values)
-
-
-def some_poses(arm: Arm, seed: int, count: int) -> Poses:
-    rng = np.random.default_rng(seed)
-    return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))
 
 
 def assert_parameter_derivatives(model: Model, poses: Poses, first: int = 0, every: int = 1) -> None:

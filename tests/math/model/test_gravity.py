@@ -31,7 +31,7 @@ from lrmd.ik.service import IkService
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG
-from tests.support.random_arms import arms
+from tests.support.random_arms import arms, some_poses
 from tests.support.sweep import examples
 
 TIGHT = 1e-14
@@ -45,11 +45,6 @@ def elastic(arm: Arm, seed: int, lean: dict[str, float] | None = None, softness:
     model = model_of(arm, (*effects, *effects_at(arm, "gravity")))
     soft = dict(zip(model.keys, np.random.default_rng(seed).uniform(0.2, 1.0, len(model.keys)) * softness, strict=True))
     return model_of(arm, model.effects, {key: soft[key] for key in model.keys if "compliance" in key} | (lean or {}))
-
-
-def some_poses(arm: Arm, seed: int, count: int = 5) -> Poses:
-    rng = np.random.default_rng(seed)
-    return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))
 
 
 def stating(poses: Poses, down: Array) -> Poses:

@@ -22,7 +22,7 @@ from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, chain_of, trig
 from lrm_math.kinematics.forward import chain_geometry, frames
-from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.statics import joint_torques
 from lrm_math.model.deployed_model import with_load_at
 from lrm_math.model.derivatives import parameter_jacobian
@@ -32,7 +32,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.tip_over import tip_over_angles
 from lrm_math.motion.modes import links_inertia
 from tests.support.central_differences import stepped
-from tests.support.random_arms import arms
+from tests.support.random_arms import arms, some_poses
 from tests.support.sweep import examples
 
 TIGHT = 1e-14
@@ -43,11 +43,6 @@ def elastic(arm: Arm, seed: int, softness: float = 0.1) -> Model:
     effects = effects_at(arm, "compliance") + effects_at(arm, "lateral_compliance")
     model = model_of(arm, effects)
     return model.with_values(np.random.default_rng(seed).uniform(0.2, 1.0, len(model.keys)) * softness)
-
-
-def some_poses(arm: Arm, seed: int, count: int = 5) -> Poses:
-    rng = np.random.default_rng(seed)
-    return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))
 
 
 def gravity_energy(arm: Arm, slots: list[object], payload: Array, chain: Chain | None = None) -> Array:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,6 +15,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.statics import joint_torques
+from lrm_math.motion import simulation
 from lrm_math.motion.base import JointDrive, MotionEffect
 from lrm_math.motion.effects import (
     MOTION_EFFECTS,
@@ -33,6 +37,7 @@ from lrm_math.motion.effects import (
 )
 from lrm_math.motion.loads import joint_loads
 from lrm_math.motion.simulation import simulate
+from lrm_math.motion.spring_step import two_masses
 from tests.support.sweep import examples
 
 ARM = load_arm("so101")
@@ -169,6 +174,24 @@ def test_what_swings_pushes_its_servo_back_as_two_masses_in_small_steps_do(share
         expected.append(y)
     found = moved(step(0.5), (ServoResponse, (4.0, 0.7)), (Swing, (5.0, 0.05, share)))
     np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def test_a_matrix_of_a_step_is_made_once_for_all_steps_that_are_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And a load that varies is that of each step: one that varies by nothing a reading shows moves the link alike."""
+    made: list[int] = []
+
+    def counted(stiffness: Array, *others: Any) -> Array:
+        made.append(stiffness.size)
+        return np.asarray(two_masses(stiffness, *others))
+
+    monkeypatch.setattr(simulation, "two_masses", counted)
+    effects = (ServoResponse, LinkInertia, Swing)
+    values = [[np.array([[value]]) for value in of] for of in ((4.0, 0.7), (0.4,), (5.0, 0.05, 0.4))]
+    alike, varying = drive(step(0.5)), 1.0 + 1e-12 * np.arange(STEPS)[:, None]
+    every = replace(alike, inertia=varying)
+    one, all_steps = (simulate([of(ARM, "joint2") for of in effects], values, at) for at in (alike, every))
+    assert made == [1, STEPS]
+    np.testing.assert_allclose(one, all_steps, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", MOTION_EFFECTS, ids=lambda kind: kind.id)

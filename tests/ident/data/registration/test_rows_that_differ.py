@@ -92,11 +92,13 @@ def test_a_row_that_is_left_out_is_not_tested(tmp_path: Path) -> None:
     assert 40 not in lrm.load(path, "lrm-lab", leave_out=[40]).pose
 
 
+@pytest.mark.long
 def test_only_the_pose_that_tore_the_fit_is_proposed_to_be_left_out(tmp_path: Path) -> None:
     path = typed_wrongly(tmp_path, 40, 10, "754.0")
     assert "add --leave-out 40. To" in stdout_of("fit", str(path), "--arm", "lrm-lab")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", [200, 260])
 def test_a_session_whose_axes_were_swapped_is_named(measured: Measurements, first: int) -> None:
     """Half of the rows were taken for an error of joint 1, a fifth for wrong measurements."""
@@ -109,6 +111,7 @@ def test_a_session_whose_axes_were_swapped_is_named(measured: Measurements, firs
     assert _check(ARM, replace(measured, poses=replace(measured.poses, session=session))) == ()
 
 
+@pytest.mark.long
 def test_a_column_that_is_not_used_is_said_where_nothing_fits(tmp_path: Path) -> None:
     """A rail below the arm: y was said not to belong to these angles, and nothing told that a column was left out."""
     header, *rows = EXAMPLE.read_text(encoding="utf-8").splitlines()[:91]

@@ -15,7 +15,6 @@ from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -26,11 +25,6 @@ from tests.support.commands import stderr_of, stdout_of
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 CORNERS = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0], [0, 0, 0.05]], dtype=np.float32)
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
-
-
-@pytest.fixture(scope="module")
-def so101() -> Arm:
-    return load_arm("so101")
 
 
 @pytest.fixture

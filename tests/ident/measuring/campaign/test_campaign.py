@@ -246,6 +246,7 @@ def test_the_row_of_an_arm_that_was_moved_during_its_rest_is_dropped_and_said(tm
     assert load_measurements(path, ARM).pose.tolist() == [n for n in range(1, 21) if n != 5]
 
 
+@pytest.mark.long
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 2)), min_size=1, max_size=6))
 def test_a_session_is_another_exactly_where_the_servos_were_switched_on_anew(runs: list[tuple[str, int]]) -> None:
     """Each run of the command: the name of the power-on session, and the rows that are measured before it ends."""

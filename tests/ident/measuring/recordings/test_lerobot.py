@@ -9,17 +9,11 @@ import pytest
 
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from tests.support.commands import stderr_of, stdout_of
 from validation.lerobot_dataset import Recording, write_dataset
 
 FPS, REST_S, MOVE_S = 30, 2.0, 1.0
-
-
-@pytest.fixture(scope="module")
-def so101() -> Arm:
-    return load_arm("so101")
 
 
 def written(folder: Path, poses: Array, droop_deg: Array) -> Path:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tomllib
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -128,19 +129,21 @@ def test_only_the_real_daemon_has_real_time_and_the_serial_port() -> None:
     assert not simulated["DeviceAllow"]
 
 
+@cache
+def system_calls(name: str) -> set[str]:
+    """Those of a set of systemd's, or the one of this name."""
+    if not name.startswith("@"):
+        return {name}
+    listed = run(need("systemd-analyze"), "syscall-filter", name).stdout.splitlines()[1:]
+    words = [line.strip() for line in listed]
+    return set().union(*(system_calls(word) for word in words if word and not word.startswith("#")))
+
+
 def system_calls_denied(unit: str, names: list[str]) -> list[str]:
     """Which of the system calls a unit's filter refuses, by systemd's own sets."""
-    analyze = need("systemd-analyze")
-
-    def members(name: str) -> set[str]:
-        if not name.startswith("@"):
-            return {name}
-        words = [line.strip() for line in run(analyze, "syscall-filter", name).stdout.splitlines()[1:]]
-        return set().union(*(members(word) for word in words if word and not word.startswith("#")))
-
-    allowed = members("@default")
+    allowed = system_calls("@default")
     for line in settings(unit)["SystemCallFilter"]:
-        named = set().union(*(members(name) for name in line.removeprefix("~").split()))
+        named = set().union(*(system_calls(name) for name in line.removeprefix("~").split()))
         allowed = allowed - named if line.startswith("~") else allowed | named
     return [name for name in names if name not in allowed]
 
