@@ -19,9 +19,7 @@ SIDE_BY_SIDE := -n 3 --dist worksteal
 TWO_AT_A_TIME := -n 2 --dist worksteal
 INTEGRATIONS := integrations/lrm_ros2 integrations/lrm_skills integrations/lerobot_robot_lrm
 UNITS := --ignore tests/system --ignore tests/package --ignore-glob '*_in_browser.py'
-LEAST_PRIORITY := nice -n 19
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
-IN_REAL_TIME := tests/system tests/ros2 tests/doors
 
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
@@ -54,15 +52,13 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests: those with a daemon and a board in real time, two at a time, and beside them, with the lowest priority, mypy and all that compute, three at a time
+test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then those that need real time, each with a daemon or a board, two at a time
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
-	$(ONE_THREAD) $(BIN)/python -m pytest $(TWO_AT_A_TIME) -rs --durations 20 $(IN_REAL_TIME) > $(OUT)/real-time.log 2>&1 & \
-	system=$$!; \
-	$(LEAST_PRIORITY) $(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
-	$(ONE_THREAD) $(LEAST_PRIORITY) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 $(IN_REAL_TIME:%=--ignore %); code=$$?; \
-	wait $$system || code=1; cat $(OUT)/real-time.log; \
-	wait $$types || { cat $(OUT)/mypy.log; code=1; }; exit $$code
+	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
+	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
+	$(ONE_THREAD) $(BIN)/python -m pytest $(TWO_AT_A_TIME) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"
