@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, quantity
@@ -143,6 +144,17 @@ def raised_sentence(before: DeployedError, after: DeployedError) -> str:
         unknown = "earlier moves" if after.state is not None and after.state.memory else "time since power-on"
         return f"{more} after a restart of lrmd, which then does not know the {unknown}"
     return ""
+
+
+def doubtful_law_sentence(laws: Sequence[str]) -> str:
+    """What lrmd follows although more than the noise is left beside it (plain names of effects); empty where nothing.
+
+    A law that the residual contradicts is an interpolation: it predicts the poses of its session, at their pace.
+    """
+    if not laws:
+        return ""
+    said = enumerate_words(laws, NAMED)
+    return f"lrmd follows {said}. More than the noise is left, so the law may be wrong later or at another pace"
 
 
 def _more(before: ErrorStats, after: ErrorStats) -> str:

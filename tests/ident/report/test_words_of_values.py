@@ -11,7 +11,7 @@ import pytest
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.symbolic_regression.proposal import NoLaw
-from lrm_ident.report.diagnosis.course import raised_facts
+from lrm_ident.report.diagnosis.course import doubtful_laws, raised_facts
 from lrm_ident.report.document import Document, stated
 from lrm_ident.report.fit import deployed_rows
 from lrm_ident.report.text.poses import limitation_sentence
@@ -197,6 +197,17 @@ def test_the_points_of_a_tracker_that_errs_do_not_tell_what_the_arm_gets(effect:
     model = SimpleNamespace(effects=effects_at(load_arm("lrm-lab"), effect))
     course: Any = SimpleNamespace(steps=ends, model=model)
     assert [label for label, _ in raised_facts(course)] == ["on the arm"] * said
+
+
+@pytest.mark.parametrize("above", [True, False])
+def test_a_law_that_is_followed_is_doubted_where_more_than_the_noise_is_left(above: bool) -> None:
+    """Of 18 such laws 11 were worse on the arm than their state alone; of 32 with nothing left three."""
+    memory = {"creep@joint2": SessionMemory({}, (0.0,), (1.0,))}
+    state = StateAfterSession({}, {}, {"drift@joint3": 0.0}, memory)
+    course: Any = SimpleNamespace(model=SimpleNamespace(state=state), diagnosis=SimpleNamespace(above_floor=above))
+    facts = [*doubtful_laws(course)]
+    assert [label for label, _ in facts] == ["law"] * above
+    assert all(words.startswith("lrmd follows warm-up drift of joint 3, creep of joint 2. ") for _, words in facts)
 
 
 def test_a_scale_that_is_open_asks_for_a_known_length() -> None:
