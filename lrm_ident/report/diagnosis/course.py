@@ -26,13 +26,13 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
 from lrm_ident.report.text.reasons import no_law_words, reason_words
-from lrm_ident.report.text.residuals import WHY_OFF, scale_sentence
+from lrm_ident.report.text.residuals import WHY_OFF, doubtful_law_sentence, raised_sentence, scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.scale_uncertainty import scale_left_open
 from lrm_ident.study.model_on_data import ErrorSummary
-from lrm_math.effects import EffectRef, effect_of
+from lrm_math.effects import EffectRef, ModelPart, effect_of
 from lrm_math.model.covariance import Covariance, implausible_estimates
 from lrm_math.model.deployed_model import field_of
 from lrm_math.model.model_file import AttributionTerm
@@ -184,7 +184,7 @@ def course_document(
     fell = _last_errors(course, nested) if story is None else (("error", story.sentence), *story.facts)
     again = () if nested.error is None else (("chosen again", chosen_again(nested.frequency, len(nested.chosen))),)
     why_not = () if nested.error is not None else (("nested error", f"not computed: {nested.reason}"),)
-    facts = Facts((*_sizes(course), *fell, *again, *why_not))
+    facts = Facts((*_sizes(course), *fell, *raised_facts(course), *doubtful_laws(course), *again, *why_not))
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
     open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
@@ -217,6 +217,24 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
         }
         yield label, stated(effect, words, turns)
         label = ""
+
+
+def raised_facts(course: AutoRun) -> Iterator[tuple[str, str]]:
+    """The error on the arm, where what was added raises it; none beside an effect of the tracker, whose own error its
+    points have."""
+    ends = course.steps[0].held_out, course.steps[-1].held_out
+    first, last = (None if end is None else end.deployed for end in ends)
+    of_tracker = any(effect.part is ModelPart.MEASUREMENT for effect in course.model.effects)
+    if first is not None and last is not None and not of_tracker and (words := raised_sentence(first, last)):
+        yield "on the arm", words
+
+
+def doubtful_laws(course: AutoRun) -> Iterator[tuple[str, str]]:
+    """Laws that the daemon follows from its record, where more than a known noise is left."""
+    state = course.model.state
+    if state is not None and course.diagnosis.above_floor:
+        followed = [plain_name(name) for name in (*state.warming, *state.memory)]
+        yield from (("law", words) for words in [doubtful_law_sentence(followed)] if words)
 
 
 def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:

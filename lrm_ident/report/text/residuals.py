@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, quantity
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows
 from lrm_ident.report.text.variables import in_a_sentence
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
 from lrm_ident.residual.picture.error_field import ArrowScale
@@ -128,6 +130,37 @@ def scale_sentence(scale: ScaleUncertainty | None) -> str:
         f"tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may err by more. "
         f"No pose distinguishes it from longer links. {A_LENGTH}"
     )
+
+
+def raised_sentence(before: DeployedError, after: DeployedError) -> str:
+    """By how much a model errs more on the arm than an earlier one, held out; empty where it does not.
+
+    After a restart the daemon knows neither the time since power-on nor the earlier moves, and keeps the state alone.
+    """
+    if more := _more(before.now, after.now):
+        return f"{more} as deployed. lrm-ident undo takes the last step back."
+    restarted = after.time_unknown or after.now
+    if more := _more(before.time_unknown or before.now, restarted):
+        unknown = "earlier moves" if after.state is not None and after.state.memory else "time since power-on"
+        return f"{more} after a restart of lrmd, which then does not know the {unknown}"
+    return ""
+
+
+def doubtful_law_sentence(laws: Sequence[str]) -> str:
+    """What lrmd follows although more than the noise is left beside it (plain names of effects); empty where nothing.
+
+    A law that the residual contradicts is an interpolation: it predicts the poses of its session, at their pace.
+    """
+    if not laws:
+        return ""
+    said = enumerate_words(laws, NAMED)
+    return f"lrmd follows {said}. More than the noise is left, so the law may be wrong later or at another pace"
+
+
+def _more(before: ErrorStats, after: ErrorStats) -> str:
+    """Both errors, where the second is larger as it is printed; else empty."""
+    without, with_it = in_mm(before.rms), in_mm(after.rms)
+    return f"{with_it} mm RMS, before auto {without} mm," if float(with_it) > float(without) else ""
 
 
 def hint_sentence(hint: ParameterHint) -> str:
