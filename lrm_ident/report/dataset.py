@@ -42,17 +42,16 @@ class DatasetCheck:
 def dataset_document(found: DatasetCheck) -> Document:
     """Result of `lrm-ident dataset check`, schema `lrm/dataset-check/1`."""
     data, poses = found.data, found.data.poses
-    count, stated = len(found.faults), found.card.model_dump()
-    lacking = (
-        f"Not complete: {count} {'thing is' if count == 1 else 'things are'} missing. The table itself can be read."
-    )
+    count, sessions = len(found.faults), 1 if poses.session is None else len({*poses.session.tolist()})
+    missing = f"{count} {'thing is' if count == 1 else 'things are'} missing"
+    lacking = f"Not complete: {missing}. The table itself can be read."
     verdict = lacking if count else "Complete: others can use this data set."
-    levels = [len({*poses.payload.tolist()}), 1 if poses.session is None else len({*poses.session.tolist()})]
+    stated = found.card.model_dump(exclude_none=True)
     rows = [
         ("poses", str(len(data))),
         ("joints", str(poses.q.shape[1])),
-        ("loads", str(levels[0])),
-        ("sessions", str(levels[1])),
+        ("loads", str(len({*poses.payload.tolist()}))),
+        ("sessions", str(sessions)),
         ("columns", ", ".join(found.columns)),
         *((name, value if isinstance(value, str) else ", ".join(value)) for name, value in stated.items() if value),
     ]
@@ -64,7 +63,7 @@ def dataset_document(found: DatasetCheck) -> Document:
         "poses": len(data),
         "joints": poses.q.shape[1],
         "columns": found.columns,
-        "card": found.card.model_dump(exclude_none=True),
+        "card": stated,
         "missing": dict(found.faults),
         "sha256": data.source.sha256,
     }

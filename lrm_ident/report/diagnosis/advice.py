@@ -25,9 +25,9 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     first, attribution = report.first, attribution_of(report)
     if first is None or attribution is None:
         return ()
-    effects = {one.name: one.scored.candidate.effect for one in report.ranking}
+    effects = {one.name: one.effect for one in report.ranking}
     known = {name for name, one in effects.items() if one.remembers or BY_ORDER.isdisjoint(one.depends_on)}
-    stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
+    stands_for = variants(first.effect) if attribution == Support.DESCRIPTION else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
 
 
