@@ -62,7 +62,7 @@
     panel.classList.add("lrm-toured");
     panel.scrollIntoView({ block: "start" });
     const box = panel.getBoundingClientRect();
-    card.classList.toggle("lrm-left", box.left > innerWidth / 3 && box.width < innerWidth / 1.5);
+    card.classList.toggle("lrm-on-the-left", box.left > innerWidth / 3 && box.width < innerWidth / 1.5);
   };
 
   // The menu is shut by a choice of it, a click beside it, and Escape.
