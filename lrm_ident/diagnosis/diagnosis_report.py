@@ -27,6 +27,7 @@ from lrm_ident.residual.parameter_hints import ParameterHint, parameter_hints
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
 from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_math.effects import Effect
 
 WORDS = "lrm_ident.report.text.reasons"
 """The module above that writes reasons; it is looked up when a person asks, and not before."""
@@ -60,6 +61,11 @@ class RankedCandidate:
     def name(self) -> str:
         """`id@place`, by which it is added."""
         return self.scored.name
+
+    @property
+    def effect(self) -> Effect:
+        """The effect, with its parameters as they are in the catalogue."""
+        return self.scored.candidate.effect
 
     @property
     def why(self) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from lrm_ident.data.measurement_file.conventions import Metadata
 from lrm_ident.data.measurement_file.dataset_card import DatasetCard, card_faults
@@ -15,57 +14,49 @@ NO_NOISE = "noise_sd_mm in the metadata, or a column sd_mm: the standard deviati
 NOT_STANDARD = "columns with the names of docs/files.md, so that other programs read them too"
 
 
-@dataclass(frozen=True, eq=False)
-class DatasetCheck:
-    """Measurements that the tool could read; `faults`: what is missing, by its name, and what would be right."""
-
-    data: Measurements
-    card: DatasetCard
-    columns: tuple[str, ...]
-    faults: Mapping[str, str]
-
-    @classmethod
-    def of(cls, data: Measurements, metadata: Metadata | None) -> DatasetCheck:
-        """The check of some measurements and the metadata beside them. Raises `FileError`."""
-        table = read_table(data.source.path)
-        stated = tuple(column.stated for column in table.columns)
-        faults = card_faults(metadata.card if metadata else None)
-        if metadata is None or metadata.arm is None:
-            faults["arm file"] = "arm in the metadata: a shipped arm, or the path of an arm file beside it"
-        if data.sd is None and data.positions.noise_sd is None:
-            faults["noise_sd_mm"] = NO_NOISE
-        if not {"q1_deg"} <= {*stated} or not {"x_mm", "distance_mm"} & {*stated}:
-            faults["columns"] = NOT_STANDARD
-        return cls(data, (metadata.card if metadata else None) or DatasetCard(), stated, faults)
+def dataset_faults(data: Measurements, metadata: Metadata | None) -> dict[str, str]:
+    """What measurements and the metadata beside them lack, by its name: what would be right. Raises `FileError`."""
+    stated, faults = {*_columns(data)}, card_faults(metadata.card if metadata else None)
+    if metadata is None or metadata.arm is None:
+        faults["arm file"] = "arm in the metadata: a shipped arm, or the path of an arm file beside it"
+    if data.sd is None and data.positions.noise_sd is None:
+        faults["noise_sd_mm"] = NO_NOISE
+    if "q1_deg" not in stated or stated.isdisjoint({"x_mm", "distance_mm"}):
+        faults["columns"] = NOT_STANDARD
+    return faults
 
 
-def dataset_document(found: DatasetCheck) -> Document:
-    """Result of `lrm-ident dataset check`, schema `lrm/dataset-check/1`."""
-    data, poses = found.data, found.data.poses
-    count, stated = len(found.faults), found.card.model_dump()
-    lacking = (
-        f"Not complete: {count} {'thing is' if count == 1 else 'things are'} missing. The table itself can be read."
-    )
+def dataset_document(data: Measurements, card: DatasetCard | None, faults: Mapping[str, str]) -> Document:
+    """Result of `lrm-ident dataset check`, schema `lrm/dataset-check/1`. `faults`: as `dataset_faults` finds them."""
+    poses, count, columns = data.poses, len(faults), _columns(data)
+    missing = f"{count} {'thing is' if count == 1 else 'things are'} missing"
+    lacking = f"Not complete: {missing}. The table itself can be read."
     verdict = lacking if count else "Complete: others can use this data set."
-    levels = [len({*poses.payload.tolist()}), 1 if poses.session is None else len({*poses.session.tolist()})]
+    stated = (card or DatasetCard()).model_dump(exclude_none=True)
+    sessions = 1 if poses.session is None else len({*poses.session.tolist()})
     rows = [
         ("poses", str(len(data))),
         ("joints", str(poses.q.shape[1])),
-        ("loads", str(levels[0])),
-        ("sessions", str(levels[1])),
-        ("columns", ", ".join(found.columns)),
+        ("loads", str(len({*poses.payload.tolist()}))),
+        ("sessions", str(sessions)),
+        ("columns", ", ".join(columns)),
         *((name, value if isinstance(value, str) else ", ".join(value)) for name, value in stated.items() if value),
     ]
     blocks: list[Block] = [heading(verdict), ResultTable(("what", "is"), rows, data.source.path.name)]
-    if found.faults:
-        blocks.append(ResultTable(("missing", "what would be right"), tuple(found.faults.items())))
+    if faults:
+        blocks.append(ResultTable(("missing", "what would be right"), tuple(faults.items())))
     values = {
-        "verdict": "complete" if not found.faults else "not_complete",
+        "verdict": "complete" if not faults else "not_complete",
         "poses": len(data),
         "joints": poses.q.shape[1],
-        "columns": found.columns,
-        "card": found.card.model_dump(exclude_none=True),
-        "missing": dict(found.faults),
+        "columns": columns,
+        "card": stated,
+        "missing": dict(faults),
         "sha256": data.source.sha256,
     }
     return Document(blocks, "lrm/dataset-check/1", values)
+
+
+def _columns(data: Measurements) -> tuple[str, ...]:
+    """Names of the columns as the table states them."""
+    return tuple(column.stated for column in read_table(data.source.path).columns)

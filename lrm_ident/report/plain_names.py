@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.place_names import place_words
 from lrm_math.effects import CATALOGUE, Effect, EffectRef, ParameterRef, compensable, marked
 from lrm_math.effects.session_errors import session_words
@@ -27,6 +28,16 @@ def plain_name(name: str) -> str:
     kind, _ = EffectRef.parse(name)
     words = words_of(name, "name") or kind.replace("_", " ") + " of {place}"
     return marked(name, words.format(place=place_in_words(name)))
+
+
+def with_id(name: str) -> str:
+    """Plain name of `id@place`, and that."""
+    return f"{plain_name(name)} ({name})"
+
+
+def enumerate_effects(names: Iterable[str], most: int) -> str:
+    """Plain names of the first effects (`id@place`), and how many more there are."""
+    return enumerate_words(list(map(plain_name, names)), most)
 
 
 def words_of(name: str, what: str) -> str:

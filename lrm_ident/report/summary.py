@@ -41,11 +41,6 @@ def summary_document(file: ModelFile, model: Model) -> Document:
     return Document(blocks, "lrm/summary/1", values, details=details, about=about)
 
 
-def summary_text(file: ModelFile, model: Model) -> str:
-    """The summary as plain text."""
-    return summary_document(file, model).text()
-
-
 def _facts(file: ModelFile, story: Story | None) -> Iterator[tuple[str, str]]:
     known = file.provenance
     if known is not None:

@@ -8,10 +8,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import enumerate_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import estimate_table
-from lrm_ident.report.plain_names import effects_in_words, plain_name
+from lrm_ident.report.plain_names import effects_in_words, enumerate_effects
 from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_ident.study.transfer import Transfer
 from lrm_math.effects import ModelPart
@@ -26,7 +25,6 @@ def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Documen
     start = found.start
     left = found.bench_error
     own = [effect for effect in start.model.effects if effect.part is ModelPart.ARM]
-    behind = [plain_name(name) for name in start.left_behind]
     rows = [(str(count), *_both(error, left)) for count, error in expected.items()]
     if found.data is not None:
         rows.append((f"{len(found.data)}, as given", *_both(found.expected_tip_error, left)))
@@ -35,7 +33,7 @@ def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Documen
     blocks: list[Block] = [
         heading(f"{start.bench} -> {start.model.arm.name}: {known} parameters of the arm go along"),
         f"Of the arm, with standard errors: {effects_in_words([effect.name for effect in own])}.",
-        f"Stays behind, as of the bench: {enumerate_words(behind, len(behind))}.",
+        f"Stays behind, as of the bench: {enumerate_effects(start.left_behind, len(start.left_behind))}.",
         *([start.state] if start.state else []),
         ResultTable(columns, rows, "Expected error of the tip over the arm's range, RMS"),
         *_identified(found),

@@ -326,7 +326,7 @@ class Study(ModelOnData, ShownInNotebook):
 
     def summary(self) -> str:
         """Summary of the model in some ten lines: how the error fell, its steps and parts."""
-        return str(import_module(SUMMARY).summary_text(self.file, self.model))
+        return str(import_module(SUMMARY).summary_document(self.file, self.model).text())
 
     @property
     def parameters(self) -> dict[str, ParameterEstimate]:

@@ -11,7 +11,7 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import publish, read_measurements
 from lrm_ident.data.measurement_file.conventions import arm_for, metadata_of
-from lrm_ident.report.dataset import DatasetCheck, dataset_document
+from lrm_ident.report.dataset import dataset_document, dataset_faults
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED
 
@@ -33,8 +33,9 @@ def check(
       lrm-ident dataset check DATA.csv --arm so101 --json check.json
     """
     name, described = arm_for(file, arm)
-    found = DatasetCheck.of(read_measurements(file, described, name, AS_NAMED), metadata_of(file))
-    publish(dataset_document(found), json)
-    if found.faults:
+    data, metadata = read_measurements(file, described, name, AS_NAMED), metadata_of(file)
+    faults = dataset_faults(data, metadata)
+    publish(dataset_document(data, metadata.card if metadata else None, faults), json)
+    if faults:
         rights = f"add them to {file.with_suffix('.toml').name}, see docs/dataset.md"
-        raise FileError(file, "", f"not complete: {', '.join(found.faults)}", rights)
+        raise FileError(file, "", f"not complete: {', '.join(faults)}", rights)

@@ -31,8 +31,8 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
         present = {one: effect_of(report, one) for one in ((name, *report.indistinguishable[name]) if name else ())}
         remembers = any(effect.remembers for effect in present.values())
         return [one for one, effect in present.items() if remembers or _by_poses(effect)][:MOST_CAUSES]
-    effects = {one.name: one.scored.candidate.effect for one in report.ranking}
-    stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
+    effects = {one.name: one.effect for one in report.ranking}
+    stands_for = variants(first.effect) if attribution == Support.DESCRIPTION else (first.name,)
     found = dict.fromkeys((*stands_for, *first.equivalent))
     return [name for name in found if name in effects and _by_poses(effects[name])][:MOST_CAUSES]
 

@@ -22,7 +22,14 @@ from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of, unsure_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advice, words_of
+from lrm_ident.report.plain_names import (
+    enumerate_effects,
+    place_in_words,
+    plain_name,
+    repair_advice,
+    with_id,
+    words_of,
+)
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options, provided_words
 from lrm_ident.report.text.claims import claim_sentence
@@ -192,7 +199,7 @@ def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
         return _quiet_headline(report) if report.verdict.quiet else _not_identified(report, WHY_NOT[report.verdict])
     if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
-    what = f"{plain_name(first.name)} ({first.name})"
+    what = with_id(first.name)
     if attribution == Support.POSSIBLE_CAUSE:
         return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
@@ -211,12 +218,12 @@ def _quiet_headline(report: DiagnosisReport) -> str:
     changes = report.deployed.among_measured is not None
     left = f", {CHANGES}" if changes else f"; {LEFT[report.verdict]}"
     if not known and (terms := _empirical(report)):
-        what = enumerate_words(list(map(plain_name, terms)), IN_HEADLINE)
+        what = enumerate_effects(terms, IN_HEADLINE)
         corrects = "an empirical term, corrects" if len(terms) == 1 else "empirical terms, correct"
         return f"{NOT_IDENTIFIED}; {what}, {corrects} the error{left}"
     if not known:
         return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
-    named = enumerate_words(list(map(plain_name, known)), IN_HEADLINE)
+    named = enumerate_effects(known, IN_HEADLINE)
     them = "it" if len(known) == 1 else "them"
     other = f", or another cause that these poses cannot distinguish from {them}" if unsure_of(report) else ""
     all_corrected = all(compensable(effect) or effect.remembers for effect in _has_already(report).values())
@@ -224,12 +231,12 @@ def _quiet_headline(report: DiagnosisReport) -> str:
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
-    refined = set(variants(first.scored.candidate.effect)) & {one.name for one in report.diagnosis.fit.model.effects}
+    refined = set(variants(first.effect)) & {one.name for one in report.diagnosis.fit.model.effects}
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
-    if first.scored.candidate.effect.is_free_form:
+    if first.effect.is_free_form:
         return _not_identified(report, WHY_NOT[Verdict.EFFECT_DESCRIBES])
-    if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
+    if not can_be_contradicted(first.effect, report.diagnosis.data.poses.q):
         return _not_identified(report, "with so few angles of its joint, any function of the angle fits as well.")
     return _not_identified(report, "the best effect explains too little of the error to be called its cause.")
 
@@ -243,7 +250,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "as deployed", _deployed(report)
     if report.beside:
         both = "only with both does the model surely predict later poses better"
-        yield "add as well", f"{plain_name(report.beside)} ({report.beside}): {both}"
+        yield "add as well", f"{with_id(report.beside)}: {both}"
     fit = report.diagnosis.fit if first is None or first.fit is None else first.fit
     yield "tracker's scale", scale_sentence(scale_uncertainty(fit))
     if first is not None and attribution is not None:
@@ -263,7 +270,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     yield "rows", " ".join(f"{words[0].upper()}{words[1:]}." for words in rows)
     yield "left out", _left_out(report.diagnosis)
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
-        yield "in the model", enumerate_words(list(map(plain_name, known)), LISTED)
+        yield "in the model", enumerate_effects(known, LISTED)
     yield "repair", _repair(report, attribution)
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
@@ -284,7 +291,7 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
             return _repair_of_either(next((name, *others) for name, others in unsure_of(report).items()))
         return repair_advice(*certain[:LISTED])
     if first is not None and attribution == Support.FINDING:
-        effect = first.scored.candidate.effect
+        effect = first.effect
         return _repair_of_either((first.name, *first.equivalent)) if first.equivalent else repair_advice(effect)
     return NOT_YET
 
@@ -365,14 +372,14 @@ def _without_noise(report: DiagnosisReport) -> str:
 def _where_expected(report: DiagnosisReport) -> str:
     """What an error as deployed is of: a tracker that errs sees its own error, left out of the arm, there too."""
     first = report.first
-    effects = [*report.diagnosis.fit.model.effects, *([] if first is None else [first.scored.candidate.effect])]
+    effects = [*report.diagnosis.fit.model.effects, *([] if first is None else [first.effect])]
     return BY_THE_TRACKER if any(effect.place == FRAME_PLACE for effect in effects) else ON_THE_ARM
 
 
 def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:
     if attribution == Support.DESCRIPTION:
         return f"{plain_name(first.name)}: {arrow(report.held_out.rms, first.held_out_rms)} mm RMS"
-    beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
+    beside = enumerate_effects(first.equivalent, LISTED)
     if attribution == Support.POSSIBLE_CAUSE:
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         why = why_candidate(report, first.name, report.replicates, *(explained_by_first(report) or (0.0, 0.0)))
@@ -388,10 +395,7 @@ def _unsure(report: DiagnosisReport) -> str:
     unsure = unsure_of(report)
     if not unsure:
         return ""
-    either = (
-        f"{plain_name(name)}, or {enumerate_words(list(map(plain_name, others)), LISTED)}"
-        for name, others in unsure.items()
-    )
+    either = (f"{plain_name(name)}, or {enumerate_effects(others, LISTED)}" for name, others in unsure.items())
     advice = advice_of(report)
     none = len(unsure) == 1 and advice is not None and advice.plan is not None and not advice.helps
     others = ", and with all others that were tried" if none else ""
@@ -420,20 +424,20 @@ def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explaine
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     """What the next best effect leaves that could be the cause; splines, which follow any cause, are none."""
-    own = {first.name, *variants(first.scored.candidate.effect)}
+    own = {first.name, *variants(first.effect)}
     others = [
         one
         for one in report.ranking
         if one is not first
-        and one.scored.candidate.effect.names_a_cause
-        and not one.scored.candidate.effect.is_free_form
+        and one.effect.names_a_cause
+        and not one.effect.is_free_form
         and one.name not in own
         and not one.scored.implausible
     ]
     if not others:
         return "no other known cause explains any of it"
     least = min(one.scored.alone.rms for one in others)
-    curves = (one for one in report.ranking if one is not first and one.scored.candidate.effect.is_free_form)
+    curves = (one for one in report.ranking if one is not first and one.effect.is_free_form)
     if any(one.scored.alone.rms < least for one in curves):
         return f"other causes leave ≈ {in_mm(least)} mm or more, splines less"
     return f"every other known cause leaves ≈ {in_mm(least)} mm or more"
@@ -442,8 +446,7 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
 def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
     """The causes that an empirical term may stand for."""
     present = {effect.name for effect in report.diagnosis.fit.model.effects}
-    causes = [plain_name(name) for name in variants(first.scored.candidate.effect) if name not in present]
-    return enumerate_words(causes, LISTED)
+    return enumerate_effects([name for name in variants(first.effect) if name not in present], LISTED)
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -455,7 +458,7 @@ def _looks_like(report: DiagnosisReport) -> str:
     function_left = left.get(best, np.inf) if best is not None else np.inf
     known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
     if known is not None and known.held_out_rms < function_left and _explains_part(known.held_out_rms, held_out):
-        of = f"{plain_name(known.name)} ({known.name}), which leaves ≈ {in_mm(known.held_out_rms)} mm here"
+        of = f"{with_id(known.name)}, which leaves ≈ {in_mm(known.held_out_rms)} mm here"
         return f"{of}. Not named, since it does not surely help at later poses"
     if best is None or not _explains_part(function_left, held_out):
         return ""
@@ -467,7 +470,7 @@ def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
     """The known effects that fit the session, and are refused for what the arm does later."""
     for one in report.ranking:
         why = one.reason.because
-        if why is not None and why.kind in NOT_LASTING and not one.scored.candidate.effect.is_free_form:
+        if why is not None and why.kind in NOT_LASTING and not one.effect.is_free_form:
             yield one
 
 
@@ -517,7 +520,7 @@ def _order(report: DiagnosisReport) -> str:
     if report.diagnosis.data.poses.t is not None:
         return ""
     first = report.first
-    effects = [*_has_already(report).values(), *([] if first is None else [first.scored.candidate.effect])]
+    effects = [*_has_already(report).values(), *([] if first is None else [first.effect])]
     timed = any(effect.remembers or "time" in effect.depends_on for effect in effects)
     return "; ".join(filter(None, (_follows_joint(report, effects), paced_words(PACE_S) if timed else "")))
 
@@ -527,11 +530,11 @@ def _follows_joint(report: DiagnosisReport, effects: Sequence[Effect]) -> str:
     follows = [one for one in report.limitations if one.kind is LimitationKind.ORDER]
     joints = {joint - 1 for one in follows for joint in one.joints}
     concerned = [
-        plain_name(effect.name)
+        effect.name
         for effect in effects
         if effect.remembers or not ORDERED.isdisjoint(effect.depends_on) or joints & {*joint_numbers(effect.place)}
     ]
-    return rows_in_order_of(follows[0], enumerate_words(concerned, IN_HEADLINE)) if follows and concerned else ""
+    return rows_in_order_of(follows[0], enumerate_effects(concerned, IN_HEADLINE)) if follows and concerned else ""
 
 
 def _may_hide(report: DiagnosisReport) -> str:

@@ -22,7 +22,7 @@ from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_wo
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
-from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
 from lrm_ident.report.text.reasons import no_law_words, reason_words
@@ -128,7 +128,7 @@ def verdict_on(effect: str, step: Step, before: ErrorSummary, after: ErrorSummar
     if objection := objection or objection_to_prediction(without.blocks, with_it.blocks):
         return f"no evidence for it: {reason_words(objection)}. Undo the step unless you know the cause."
     if step.evidence.equivalent:
-        rivals = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
+        rivals = enumerate_effects(step.evidence.equivalent, RIVALS_SHOWN)
         return f"supported, but these poses cannot distinguish it from {rivals}."
     return "supported: the model surely predicts better with it. That alone does not identify it: see diagnose."
 
@@ -257,26 +257,22 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     found, several, terms = named("identified cause"), named("indistinguishable cause"), named("empirical term")
     if found:
         title = "Identified cause" if len(found) == 1 else "Identified causes"
-        yield heading(f"{title}: {enumerate_words([_named(step.added) for step in found], len(found))}")
+        yield heading(f"{title}: {enumerate_words([with_id(step.added) for step in found], len(found))}")
     for step in several:
-        others = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
-        yield heading(f"Indistinguishable with these poses: {_named(step.added)}, or {others}")
+        others = enumerate_effects(step.evidence.equivalent, RIVALS_SHOWN)
+        yield heading(f"Indistinguishable with these poses: {with_id(step.added)}, or {others}")
     if steps and not found and not several:
         yield heading("No cause is certain. What was added corrects the error; it may stand for other causes.")
     candidates = [
-        f"{_named(step.added)}: "
+        f"{with_id(step.added)}: "
         f"{why_candidate(course.report, step.added, step.evidence.replicates, explained, one.unexplained)}"
         for step, one, explained in steps
         if one.kind == Support.POSSIBLE_CAUSE
     ]
-    listed = enumerate_words([plain_name(step.added) for step in terms], RIVALS_SHOWN)
+    listed = enumerate_effects((step.added for step in terms), RIVALS_SHOWN)
     empirical = [f"{listed}: {empirical_words(len(terms))}"] if terms else []
     if rows := (*_labelled("candidate cause", candidates), *_labelled("empirical term", empirical)):
         yield Facts(rows)
-
-
-def _named(name: str) -> str:
-    return f"{plain_name(name)} ({name})"
 
 
 def _labelled(label: str, lines: Sequence[str]) -> Iterator[tuple[str, str]]:

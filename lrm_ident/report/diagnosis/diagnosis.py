@@ -116,7 +116,7 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
     before = report.held_out.rms
     counted = [one for one in report.ranking if one.verdict != Support.NO_EVIDENCE][:SHOWN]
     others = [one for one in report.ranking if one.verdict == Support.NO_EVIDENCE]
-    causes = [one for one in others if not one.scored.candidate.effect.is_free_form]
+    causes = [one for one in others if not one.effect.is_free_form]
     rows = []
     for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]][:most]):
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
@@ -129,7 +129,7 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
 
 def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
     """Status of a candidate, in a few words."""
-    effect, first = advice.scored.candidate.effect, report.first
+    effect, first = advice.effect, report.first
     beside = () if first is None else (first.name, *first.equivalent) if first.equivalent else ()
     if advice.verdict != Support.NO_EVIDENCE:
         attribution = attribution_of(report) if number == 0 else None
@@ -201,7 +201,7 @@ def _refusal(effect: Effect, reason: Reason) -> dict[str, str]:
 
 
 def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict[str, object]:
-    effect = advice.scored.candidate.effect
+    effect = advice.effect
     return {
         "rank": rank,
         "effect": effect.id,

@@ -65,13 +65,9 @@ def _plan_words(plan: MeasuringPlan) -> str:
 
 
 def hopeless_words(advice: Advice) -> str:
-    """That no poses distinguish any of the causes; empty where some do."""
-    if advice.helps:
-        return ""
-    return NO_POSE if advice.plan is None else _none_can(advice)
-
-
-def _none_can(advice: Advice) -> str:
+    """That no poses distinguish the causes that move the tip most alike."""
+    if advice.plan is None:
+        return NO_POSE
     worst = advice.alike[0]
     return f"No poses tried can distinguish {worst.there} from {worst.instead}"
 
@@ -85,7 +81,7 @@ def provided_words(pairs: Sequence[CausePair]) -> str:
 def advice_sentence(advice: Advice) -> str:
     """What to measure and what it will tell; or that nothing will, and why."""
     if advice.plan is None:
-        return NO_POSE
+        return hopeless_words(advice)
     how, provided = _plan_words(advice.plan), provided_words(advice.pairs)
     if advice.works:
         least = min(pair.lead for pair in advice.pairs)
@@ -99,7 +95,7 @@ def advice_sentence(advice: Advice) -> str:
         if worst.cosine > EQUIVALENCE_COSINE
         else f"it would lead by {worst.lead:.1f} standard errors, and {NEEDED:.1f} must be expected"
     )
-    none = f"{_none_can(advice)}: {why}"
+    none = f"{hopeless_words(advice)}: {why}"
     return f"{none}; {how}, distinguish the others{provided}." if advice.helps else f"{none}, with {how}."
 
 

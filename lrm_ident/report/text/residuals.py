@@ -62,20 +62,12 @@ def predictable_sentence(found: PredictableError) -> str:
 
 def where(regime: Regime) -> str:
     """Interval of a regime, for instance `the angle of joint 2 < -40°`."""
-    name, unit, low, high = (
-        in_a_sentence(regime.quantity.variable),
-        UNITS[regime.quantity.kind],
-        regime.low,
-        regime.high,
-    )
+    low, high = regime.low, regime.high
     if regime.quantity.kind == "order":
         if high is None:
             return f"measured after number {int(low or 0.0)}"
-        return (
-            f"measured up to number {int(high)}"
-            if low is None
-            else f"measured as numbers {int(low) + 1} to {int(high)}"
-        )
+        return f"measured {f'up to number {int(high)}' if low is None else f'as numbers {int(low) + 1} to {int(high)}'}"
+    name, unit = in_a_sentence(regime.quantity.variable), UNITS[regime.quantity.kind]
     if low is None:
         return f"{name} < {high:.4g}{unit}"
     return f"{name} > {low:.4g}{unit}" if high is None else f"{low:.4g}{unit} < {name} < {high:.4g}{unit}"

@@ -8,39 +8,23 @@ from lrm_ident.residual.covariates import ExplanatoryVariable
 from lrm_ident.residual.free_functions import CommonMode, FreeFunction
 from lrm_math.arm.place_names import place_words
 
-NAMES: Mapping[str, str] = {
-    "angle": "angle of joint {}",
-    "motion": "last motion of joint {}",
-    "torque": "torque of joint {}",
-    "thrust": "force along the axis of joint {}",
-    "order": "order of measurement",
-    "total torque": "sum of the joints' torques",
-    "region": "region of the workspace",
-    **{axis: f"{axis} of the tip" for axis in "xyz"},
+WORDS: Mapping[str, tuple[str, str, str]] = {
+    "angle": ("angle of joint {}", "the angle of joint {}", "deg"),
+    "motion": ("last motion of joint {}", "the last motion of the angle of joint {}", "deg"),
+    "torque": ("torque of joint {}", "the torque of joint {}", "N·m"),
+    "moment": ("moment", "moment", "N·m"),
+    "thrust": ("force along the axis of joint {}", "thrust", "N"),
+    "direction": ("direction", "direction of approach of joint {}", ""),
+    **{axis: (f"{axis} of the tip", f"{axis} of the tip", "mm") for axis in "xyz"},
+    "load": ("load", "the load", "g"),
+    "order": ("order of measurement", "the order of measurement", ""),
+    "time": ("time", "the time", "min"),
+    "temperature": ("temperature", "temperature", "°C"),
+    "total torque": ("sum of the joints' torques", "total torque", "N·m"),
+    "force": ("force", "the force across its axis", ""),
+    "region": ("region of the workspace", "region", ""),
 }
-IN_SENTENCES: Mapping[str, str] = {
-    "angle": "the angle of joint {}",
-    "motion": "the last motion of the angle of joint {}",
-    "torque": "the torque of joint {}",
-    "direction": "direction of approach of joint {}",
-    "order": "the order of measurement",
-    "time": "the time",
-    "load": "the load",
-    "force": "the force across its axis",
-    **{axis: f"{axis} of the tip" for axis in "xyz"},
-}
-UNITS: Mapping[str, str] = {
-    "angle": "deg",
-    "motion": "deg",
-    "torque": "N·m",
-    "moment": "N·m",
-    "thrust": "N",
-    **dict.fromkeys("xyz", "mm"),
-    "load": "g",
-    "time": "min",
-    "temperature": "°C",
-    "total torque": "N·m",
-}
+"""Of each kind: its name, what a sentence calls it, its unit; {} is the number of its joint."""
 MODES = {
     CommonMode.GAIN: "the gain of all joints",
     CommonMode.YIELDING: "the yielding of all joints",
@@ -54,8 +38,9 @@ ANGLES = {"alpha": "x", "beta": "y", "gamma": "z"}
 
 def variable_name(one: ExplanatoryVariable) -> str:
     """Name, for instance `angle of joint 2`, `moment on link 2 about its x`, `moment on the base about x`."""
+    name, _, _ = WORDS[one.kind]
     if one.kind != "moment":
-        return _of(NAMES, one)
+        return _with_joint(name, one)
     place, _, axis = one.slot.partition(".")
     turned = f"the {place} about {ANGLES[axis]}" if axis in ANGLES else f"{place_words(place)} about its {axis}"
     return f"moment on {turned}"
@@ -63,16 +48,17 @@ def variable_name(one: ExplanatoryVariable) -> str:
 
 def axis_label(one: ExplanatoryVariable) -> str:
     """Name and unit, for an axis."""
-    return ", ".join(filter(None, (variable_name(one), UNITS.get(one.kind))))
+    return ", ".join(filter(None, (variable_name(one), WORDS[one.kind][2])))
 
 
 def in_a_sentence(one: ExplanatoryVariable) -> str:
     """Name in a sentence, for instance `the angle of joint 2`; `before`: at the poses measured before."""
-    return f"{_of(IN_SENTENCES, one)}{' before' if one.before else ''}"
+    _, words, _ = WORDS[one.kind]
+    return f"{_with_joint(words, one)}{' before' if one.before else ''}"
 
 
-def _of(names: Mapping[str, str], one: ExplanatoryVariable) -> str:
-    return names.get(one.kind, one.kind).format("" if one.joint is None else one.joint + 1)
+def _with_joint(words: str, one: ExplanatoryVariable) -> str:
+    return words.format("" if one.joint is None else one.joint + 1)
 
 
 def place_of(function: FreeFunction) -> str:

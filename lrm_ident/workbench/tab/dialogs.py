@@ -1,4 +1,7 @@
-"""The dialogs of the workbench and its tour. Each calls back what it is given; `Do` does it, or shows why it cannot."""
+"""The dialogs of the workbench and the card of its tour.
+
+Each dialog calls back what it is given; `Do` does it, or shows why it cannot.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,12 @@ from lrm_ident.workbench.work.tasks import SearchResult
 from lrm_math.errors import LrmError
 
 Do = Callable[[Callable[[], object]], object]
+TOUR_BUTTONS = (
+    ("Back", "flat", "lrmTour.stop - 1"),
+    ("Next", "data-name=next", "lrmTour.stop + 1"),
+    ("Close", "flat data-name=close-tour", "-1"),
+)
+"""What they say, how they look, and the stop that they go to."""
 
 
 def search_dialog(found: SearchResult, session: WorkbenchSession, do: Do) -> None:
@@ -116,78 +125,10 @@ def _closing(dialog: ui.dialog, do: Do, action: Callable[[], object]) -> None:
     do(action)
 
 
-TOUR = (
-    (
-        "panel-field",
-        "the error field",
-        "Every dot is a measured tool position of a printed arm; every arrow points from where the model says the tool "
-        "should be to where it was measured, magnified as printed below. The model was fitted already, yet the arrows "
-        "follow a pattern. Drag to turn the scene; point at a dot to see its pose.",
-    ),
-    (
-        "panel-turn",
-        "where it fails",
-        "The same errors as turns of one joint. Against the torque of joint 2 they jump where the torque changes sign. "
-        "Try other joints and quantities: nowhere else is there such a step. Drag a box around some points: they are "
-        "marked in every view.",
-    ),
-    (
-        "panel-effect",
-        "which effect",
-        "Every known effect at every place was tried. The list says which error each would leave at poses not in the "
-        "fit (held-out): ● is supported, ◐ is indistinguishable from others, ○ has no evidence. Backlash in joint 2 is "
-        "first by far.",
-    ),
-    (
-        "panel-form",
-        "its form beside the data",
-        "Left: what the data do, and the formula of the chosen effect on them. Right: what it would add against what "
-        "is missing. Where points follow the line the formula fits; choose another candidate to see one that does not.",
-    ),
-    (
-        "panel-story",
-        "press Add",
-        "Press Add, at the top: everything is refitted with the effect. The error falls, the arrows shrink, "
-        "on the same scale. Undo takes the step back exactly; press a step to see it again.",
-    ),
-    (
-        "panel-effect",
-        "know when to stop",
-        "The headline says when no further systematic error is seen. Save the model for the rover, "
-        "write a report, or drop your own CSV on this page.",
-    ),
-)
-"""Stops of the tour: the panel that each points to, its title, and what to see and do there."""
-
-
-class TourDialog:
-    """A card in the corner that says what the marked panel shows. `stop`: where the tour is."""
-
-    def __init__(self) -> None:
-        self.stop = -1
-        with ui.element("section").classes("lrm-tour").props("role=dialog aria-label=tour") as self.card:
-            self.title = ui.html("", sanitize=False)
-            self.words = ui.label()
-            with ui.row().classes("q-mt-sm"):
-                self.back = ui.button("Back", on_click=lambda: self.go_to(self.stop - 1)).props("no-caps flat dense")
-                ui.button("Next", on_click=lambda: self.go_to(self.stop + 1)).props("no-caps dense data-name=next")
-                ui.button("Close", on_click=self.leave).props("no-caps flat dense data-name=close-tour")
-        self.card.set_visibility(False)
-
-    def go_to(self, stop: int) -> None:
-        """Shows a stop; before the first and after the last the tour ends."""
-        if not 0 <= stop < len(TOUR):
-            self.leave()
-            return
-        self.stop = stop
-        panel, title, words = TOUR[stop]
-        self.title.set_content(f"<h2>{stop + 1} of {len(TOUR)}: {title}</h2>")
-        self.words.set_text(words)
-        self.back.set_enabled(stop > 0)
-        self.card.set_visibility(True)
-        ui.run_javascript(f"lrmTour('{panel}')")
-
-    def leave(self) -> None:
-        """Ends the tour."""
-        self.card.set_visibility(False)
-        ui.run_javascript("lrmTour('')")
+def tour_card() -> None:
+    """A card in the corner that says what the marked panel shows; `lrmTour` of the page's script goes to its stops."""
+    with ui.element("section").classes("lrm-tour").props("role=dialog aria-label=tour hidden"):
+        ui.html(Path(__file__).with_name("tour.html").read_text(encoding="utf-8"), sanitize=False)
+        with ui.row().classes("q-mt-sm"):
+            for text, look, stop in TOUR_BUTTONS:
+                ui.button(text).props(f"no-caps dense {look}").on("click", js_handler=f"() => lrmTour({stop})")

@@ -39,6 +39,7 @@ BANNER = """<div id="lrm-banner" role="alert" hidden></div>
 </section>"""
 GONE = """The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in {folder}. \
 Go on with: {again}"""
+BEGIN_TOUR, END_TOUR = "lrmTour(0)", "lrmTour(-1)"
 PICK = "document.getElementById('lrm-pick').click()"
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
@@ -81,7 +82,7 @@ class WorkbenchPage:
             ui.html(assets.BESIDE, sanitize=False).classes("lrm-contents")
         ui.html(assets.BELOW, sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
-        self.tour = dialogs.TourDialog()
+        dialogs.tour_card()
         ui.on("lrm_choose", lambda event: self._choose(event.args))
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)
@@ -89,7 +90,7 @@ class WorkbenchPage:
         if not first_tab:
             ui.notify("The workbench is open in another tab too: both show the same work.", type="info")
         if tour:
-            self.tour.go_to(0)
+            ui.run_javascript(BEGIN_TOUR)
 
     def _build_header(self, motion: bool) -> None:
         moves = "what moves show, in a tab beside; takes some seconds at first"
@@ -126,7 +127,7 @@ class WorkbenchPage:
         yield None
         yield from step_commands(self.session)
         yield None
-        yield PageAction("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
+        yield PageAction("Tour", lambda: ui.run_javascript(BEGIN_TOUR), "six steps on the shipped data")
         yield PageAction("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), "the colours of this page")
 
     def _advised(self) -> tuple[str, PageAction]:
@@ -180,8 +181,6 @@ class WorkbenchPage:
         ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
         self.numbers.set_content(self._numbers(step.numbers))
         ui.run_javascript(f"setTimeout(() => lrmGlossary(document.querySelector('.lrm-numbers')), {SHOWN_MS})")
-        note = "" if step.diagnosed else "the candidates appear when every effect has been tried"
-        ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 
     def _numbers(self, found: str) -> str:
         last = self.session.taken.search_result
@@ -203,7 +202,7 @@ class WorkbenchPage:
     def _press(self, key: str) -> None:
         session = self.session
         deeds = {one.key: one.do for one in self._menu() if one} | {"a": self._add, "advised": self._advised()[1].do}
-        deeds["escape"] = session.cancel if session.progress is not None else self.tour.leave
+        deeds["escape"] = session.cancel if session.progress is not None else lambda: ui.run_javascript(END_TOUR)
         if callable(do := deeds.get(key)):
             self._do(do)
 

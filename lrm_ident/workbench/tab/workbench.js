@@ -49,15 +49,20 @@
   new MutationObserver(() => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"))
     .observe(document.documentElement, { attributeFilter: ["data-theme"] });
 
-  // A stop of the tour: its panel is framed and in view below the head, and the card lies in the other half of the screen.
-  window.lrmTour = (id) => {
-    for (const one of document.querySelectorAll(".lrm-toured")) one.classList.remove("lrm-toured");
-    const panel = id && document.getElementById(id), card = document.querySelector(".lrm-tour");
-    if (!panel || !card) return;
+  // The tour goes to a stop, or ends where there is none of that number: the stop's panel is framed and in view below the head,
+  // and the card lies in the other half of the screen.
+  window.lrmTour = (number) => {
+    const card = document.querySelector(".lrm-tour"), stops = [...card.querySelectorAll("[data-panel]")], stop = stops[number];
+    for (const one of stops) one.hidden = one !== stop;
+    document.querySelector(".lrm-toured")?.classList.remove("lrm-toured");
+    [lrmTour.stop, card.hidden] = [number, !stop];
+    if (!stop) return;
+    card.querySelector("button").disabled = !number;
+    const panel = document.getElementById(stop.dataset.panel);
     panel.classList.add("lrm-toured");
     panel.scrollIntoView({ block: "start" });
     const box = panel.getBoundingClientRect();
-    card.classList.toggle("lrm-left", box.left > innerWidth / 3 && box.width < innerWidth / 1.5);
+    card.classList.toggle("lrm-on-the-left", box.left > innerWidth / 3 && box.width < innerWidth / 1.5);
   };
 
   // The menu is shut by a choice of it, a click beside it, and Escape.

@@ -49,12 +49,12 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     page.click("#lrm-menu > summary")
     assert NOT_A_CAUSE in page.inner_text(BUTTON)
     assert page.eval_on_selector(f"{BUTTON} .block", "(one) => one.scrollWidth <= one.clientWidth"), "words cut off"
-    idle(page, "lrm.state.values.history[0].held > 0")
-    before = page.evaluate("lrm.state.values.history[0].held")
+    idle(page, "lrm.state.values.story.held_out")
+    before = page.evaluate("lrm.state.values.story.steps[1].rms_mm")
     press(page, ADD_FIELD.lower())
     wait_for(page, TWO_STEPS)
     idle(page, "lrm.state.values.ranking.length > 0")
-    assert page.evaluate("lrm.state.values.history[1].held") < 0.7 * before
+    assert page.evaluate("lrm.state.values.story.steps[2].rms_mm") < 0.7 * before
     card = page.inner_text("#lrm-cards")
     assert NOT_A_CAUSE in card.lower()
     assert not [one for one in page.evaluate("lrm.state.values.ranking.map((one) => one.name)") if FIELD in one]
@@ -66,7 +66,7 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     page.wait_for_selector("#lrm-commands", state="hidden")
     press(page, "undo")
     wait_for(page, ONE_STEP)
-    assert page.evaluate("lrm.state.values.history[0].held") == pytest.approx(before)
+    assert page.evaluate("lrm.state.values.story.steps[1].rms_mm") == pytest.approx(before)
     page.context.close()
     assert not seen.errors, seen.errors
 

@@ -125,16 +125,17 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     stdout_of("report", bare, EXAMPLE, "-o", page)
     is_one_small_file_that_asks_nothing_of_the_network(page)
     alone = _values_of(page)
-    assert alone["history"] == []
+    assert alone["story"] is None
+    assert not any(step["here"] for step in alone["steps"])
     assert {one["name"]: one["standing"] for one in alone["ranking"]} == {k: v["standing"] for k, v in ranking.items()}
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
     (card,) = found["cards"]
     assert (card["title"], card["joint"], card["driver"]) == ("Backlash in joint 2", 1, "torque of joint 2")
-    assert card["before"] == found["history"][0]["held"]
+    assert card["fall"].split(" → ") == [step["held"] for step in found["steps"]]
     assert card["share"] > 0.9
     assert card["shows"] == "finding", "nothing that could be another cause"
-    assert all(entry["here"] for entry in found["history"])
+    assert all(step["here"] for step in found["steps"])
     assert card["rivals"][0]["name"] == "torque_curve@joint2"
     assert card["rivals"][0]["why"].endswith(" mm, with more parameters")
     assert not card["unrivalled"], "a free curve explains it as well"

@@ -72,6 +72,7 @@ FILLED = """(() => {
 LEGEND = "[...document.querySelectorAll('#lrm-card-1 .legendtext')].map((one) => one.textContent)"
 LONGEST = "[...lrm.state.values.ranking].sort((a, b) => b.title.length - a.title.length)[0].name"
 HINTS = "[...document.querySelectorAll('.lrm-menu-list [data-name] .q-btn__content div')].map((one) => one.innerText)"
+OPACITY = "getComputedStyle(document.querySelector('.lrm-tour')).opacity"
 PLACES = """(() => {
   const [head, framed, card] = ["header.lrm-head", ".lrm-toured", ".lrm-tour"].map((one) =>
     document.querySelector(one).getBoundingClientRect());
@@ -198,6 +199,7 @@ def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: Run
             head, top, card = page.evaluate(PLACES)
             assert head > 0, "the head stays"
             assert top < card, "what is framed is seen beside the card"
+            assert page.evaluate(OPACITY) == "1", "nothing shines through the card"
             page.click("[data-name=next]")
         for name, dialog in (("save…", "#lrm-save"), ("commands", "#lrm-done"), ("live…", "#lrm-live")):
             press(page, name)

@@ -77,10 +77,10 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     assert "backlash@joint2" in first
     assert "Missing from the model: backlash in joint 2" in page.inner_text("#lrm-verdict")
     shot(page, "before.png")
-    arrows, history = page.evaluate(ARROWS), page.evaluate("lrm.state.values.history[0].held")
+    arrows, history = page.evaluate(ARROWS), page.evaluate("lrm.state.values.story.steps[1].rms_mm")
     page.click("[data-name=add]")
     wait_for(page, TWO_STEPS)
-    assert page.evaluate("lrm.state.values.history[1].held") < 0.3 * history
+    assert page.evaluate("lrm.state.values.story.steps[2].rms_mm") < 0.3 * history
     assert page.evaluate(ARROWS) < 0.3 * arrows
     idle(page, RANKED)
     assert "no further systematic error is seen" in page.inner_text("#lrm-verdict")

@@ -94,10 +94,10 @@ def test_progress_says_the_round_the_error_and_how_far_it_is(browser: Any, small
     press(page, "auto")
     wait_for(page, TWO_STEPS)
     idle(page, RANKED)
-    before = page.evaluate("lrm.state.values.history[0].held.toFixed(2)")
+    before = page.evaluate("lrm.state.values.story.steps[1].rms_mm.toFixed(2)")
     told = page.evaluate("[...told].filter((one) => one.includes('round'))")
     assert any(re.search(r"auto, round 1 of at most \d+; .*: \d+ of \d+", one) for one in told), told
-    after = page.evaluate("lrm.state.values.history[1].held.toFixed(2)")
+    after = page.evaluate("lrm.state.values.story.steps[2].rms_mm.toFixed(2)")
     fall = f"{before} → {after} mm"
     assert any(re.search(rf"auto, round 2 of at most \d+: {fall}; .*: \d+ of \d+", one) for one in told), told
     page.keyboard.press("u")

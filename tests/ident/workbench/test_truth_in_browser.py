@@ -43,7 +43,7 @@ COLOUR = "getComputedStyle(document.querySelector('#lrm-stale' + one)).color"
 
 def breaks_where_data_differ(page: Any) -> None:
     """Asserts that the waterfall joins no errors of different data, and says which step was fitted to others."""
-    here, held_out = page.evaluate("[lrm.state.values.history.map((one) => one.here), lrm.state.values.story.held_out]")
+    here, held_out = page.evaluate("[lrm.state.values.steps.map((one) => one.here), lrm.state.values.story.held_out]")
     assert all(here) or not held_out, "held-out errors of different data"
     rows = page.eval_on_selector_all(".lrm-fall-row button", "(all) => all.map((one) => one.innerText)")
     assert ["fitted to other data" not in words for words in rows] == here
@@ -60,9 +60,9 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
     with workbench(tmp_path / "m.toml", data, cwd=tmp_path) as running:
         page = opened(browser, running, SIZE)
         idle(page, RANKED)
-        first = page.evaluate("lrm.state.values.history[0]")
+        first = page.evaluate("lrm.state.values.steps[0]")
         assert not first["here"]
-        assert page.evaluate("lrm.state.values.story.steps[1].rms_mm") == pytest.approx(first["rms"])
+        assert page.evaluate("lrm.state.values.story.steps[1].rms_mm.toFixed(2)") == first["rms"]
         breaks_where_data_differ(page)
         page.click("[data-name=add]")
         wait_for(page, TWO_STEPS)
@@ -139,7 +139,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     boxes = page.evaluate(BOXES)
     idle(page, RANKED)
     assert page.inner_text("[data-name=add]").split("\n") == ["Add: backlash in joint 2", "backlash@joint2"]
-    before = page.evaluate("lrm.state.values.history[0].held")
+    before = page.evaluate("lrm.state.values.story.steps[1].rms_mm")
     x, y = boxes["advised"][0] + 20, boxes["advised"][1] + 10
     under = f"document.elementFromPoint({x}, {y}).closest('.lrm-primary') !== null"
     page.mouse.click(x, y)
@@ -149,7 +149,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
         settle(page, 100)
     idle(page, RANKED)
     assert page.evaluate(BOXES) == boxes
-    after = page.evaluate("lrm.state.values.history[1].held")
+    after = page.evaluate("lrm.state.values.story.steps[2].rms_mm")
     fall = page.inner_text("#lrm-fall").replace("\xa0", " ")
     assert re.search(
         rf"^nominal .* {before:.2f} → with backlash in joint 2: {after:.2f} mm RMS at poses not in the fit$", fall
@@ -170,7 +170,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     wait_for(page, "lrm.state.values.steps.length === 1")
     press(page, "redo")
     wait_for(page, TWO_STEPS)
-    assert page.evaluate("lrm.state.values.history[1].held") == after
+    assert page.evaluate("lrm.state.values.story.steps[2].rms_mm") == after
     wait_for(page, drawn)
     assert page.inner_text(".lrm-card-of-step").replace("\xa0", " ") == card
     two = "".join(EXAMPLE.read_text().splitlines(keepends=True)[:3])

@@ -56,7 +56,7 @@ def candidate_view(
     Args:
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
     """
-    scored = ranked.scored
+    scored, effect = ranked.scored, ranked.effect
     fitted, data = found.screening.subset
     weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns(scored.shape)
@@ -64,20 +64,20 @@ def candidate_view(
     added = weigh.positions(scored.added)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
-    joints = joints_of(scored.candidate.effect.place, len(lever))
+    joints = joints_of(effect.place, len(lever))
     joint = max(joints, key=lambda one: float((turns[one] ** 2 * lever[one]).sum()))
     beyond = joint_turns(added, found.joint_jacobian)
-    lawful = of_law(scored.candidate.effect, known)
+    lawful = of_law(effect, known)
     explained = [explained_by_means(beyond, lever, one.values) for one in lawful]
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    followed = [one.take(drawn) for one in of_law(scored.candidate.effect, known)]
-    drivers = drawn_over(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
+    followed = [one.take(drawn) for one in of_law(effect, known)]
+    drivers = drawn_over(effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, lawful, joints)
-    parameters = {one.name: one for one in scored.candidate.effect.parameters}
-    about, function = scored.candidate.effect.about, found.unexplained.spurious.get(scored.name)
+    parameters = {one.name: one for one in effect.parameters}
+    about, function = effect.about, found.unexplained.spurious.get(scored.name)
     resembles = "" if function is None else function_name(function)
     refused = reason_words(scored.implausible) if scored.implausible else resembles
     return {

@@ -53,8 +53,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     known = {} if found.diagnosis is None else found.diagnosis.values
     following = () if found.conclusion is None else found.conclusion.next
     commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
-    history, sha256, story = found.file.history, found.poses.source.sha256, found.story
-    turns, lever = found.field.steps[-1].turns, found.field.lever
+    story, turns, lever = found.story, found.field.steps[-1].turns, found.field.lever
     shared = [one for one in found.covariates if one.kind not in LOCAL]
     left = [explained_by_means(turns, lever, one.values) for one in shared]
     joint, driver = shown_most(left, shared, range(len(lever)))
@@ -71,10 +70,6 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "verdict": found.verdict,
         "facts": [[label, words, label in FIRST] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
-        "history": [
-            {"held": entry.held_out_rms_mm, "here": of_data(entry, sha256), "rms": step.error.rms * 1e3}
-            for entry, step in zip(history, found.field.steps, strict=False)
-        ],
         "unseen": UNSEEN,
         "story": None if story is None else waterfall_values(story),
         "cards": [_card(found, story is not None and story.held_out, *each) for each in cards],
@@ -135,15 +130,17 @@ def values_text(values: Mapping[str, Any]) -> str:
 
 
 def _step(found: ModelReport, number: int) -> dict[str, Any]:
-    """A step with its errors; `held`: the held-out one on the open data, as the headline prints it."""
+    """A step with its errors; `here`: whether these are of the open data; `held`: then the held-out one, as printed."""
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     entry = found.file.history[number] if found.file.history else None
-    held = entry.held_out_rms_mm if entry is not None and of_data(entry, found.poses.source.sha256) else None
+    here = entry is not None and of_data(entry, found.poses.source.sha256)
+    held = entry.held_out_rms_mm if entry is not None and here else None
     return {
         "name": step.name,
         "title": step.name if entry is None else GEOMETRY if entry.name.kind == FIT else step_title(entry.name),
         "verdict": (found.judged or {}).get(number, ""),
+        "here": here,
         "rms": in_mm(step.error.rms),
         "held": "" if held is None else in_mm(held * 1e-3),
         "residual": rounded(step.residual * 1e3, UM),
@@ -162,8 +159,6 @@ def _card(
     own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
     return {
         **own,
-        "before": before,
-        "after": after,
         "held_out": held_out,
         "fall": arrow(before * MM, after * MM),
         "sketch": words_of(card.name, "sketch"),

@@ -19,7 +19,7 @@ function lrmStory(page) {
     const v = state.values, story = v.story, one = page.candidate();
     if (!story) return fill("story", "");
     const { steps, longest, noise } = story, end = steps[steps.length - 1], added = one && one.gain !== null;
-    const rows = [...steps.map((step) => ({ ...step, note: v.history[step.number]?.here === false ? "fitted to other data" : "" })),
+    const rows = [...steps.map((step) => ({ ...step, note: v.steps[step.number]?.here === false ? "fitted to other data" : "" })),
       ...(added ? [{ title: `if added: ${one.title}`, kind: "if added", number: null, left: one.held, rms_mm: one.heldOut, before_rms_mm: end.rms_mm }] : []),
       ...story.ends, ...(noise ? [noise] : [])];
     const what = [`RMS error ${story.held_out ? `${v.unseen} (held-out)` : "on these data"}, mm. Pale: error that remains. Solid: error taken away.`,
