@@ -24,6 +24,7 @@ from lrm_math.plausibility import implausible_value
 
 LISTED, COLUMNS_LISTED = 8, 12
 """Cells that are named beside the first wrong one, and columns that are there beside one that is missing."""
+EMPTY = "the cell is empty"
 LIMIT_TOLERANCE = np.radians(1e-6)
 MISTYPED = 0.1
 """Share of the rows up to which joint angles beyond the limits are single mistakes."""
@@ -126,7 +127,7 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
         if words[row].strip():
             faults[row] = f"'{words[row]}' is not a {'finite ' if is_number(words[row]) else ''}number"
         elif not may_be_empty:
-            faults[row] = "the cell is empty"
+            faults[row] = EMPTY
     return values * factor, faults
 
 
@@ -164,7 +165,7 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
     }
     faults = sorted((row, name, what) for name, (_, found) in parsed.items() for row, what in found.items())
     kept = np.setdiff1d(np.arange(len(cells.rows)), [row for row, _, _ in faults])
-    good = _without_faults(cells, faults, kept, skip) if faults else cells
+    good = _without_faults(cells, known, faults, kept, skip) if faults else cells
     columns = {name: values[kept] for name, (values, _) in parsed.items() if name != "t_s"}
     there = [each for each in known if not header.isdisjoint(each.columns)]
     table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
@@ -201,7 +202,11 @@ def _unreadable(cells: CsvTable, name: str, may_be_empty: bool) -> bool:
 
 
 def _without_faults(
-    cells: CsvTable, faults: Sequence[tuple[int, str, str]], kept: NDArray[np.int64], skip: bool | None
+    cells: CsvTable,
+    known: Sequence[PoseQuantity],
+    faults: Sequence[tuple[int, str, str]],
+    kept: NDArray[np.int64],
+    skip: bool | None,
 ) -> CsvTable:
     """The rows `kept` alone, with a notice, if bad rows are to be skipped.
 
@@ -209,22 +214,34 @@ def _without_faults(
     None), or that nothing would be left.
     """
     row, column, what = faults[0]
+    instead = _instead_of_nothing(known, faults)
     if skip is None:
-        raise cell_error(cells, row, column, what)
+        raise cell_error(cells, row, column, what, instead)
     bad = sorted({row for row, _, _ in faults})
     count = "1 row" if len(bad) == 1 else f"{len(bad)} rows"
     if not skip:
         also = enumerate_words([_cell_place(cells, row, column) for row, column, _ in faults[1:]], LISTED)
+        also = also and f"; no number either: {also}"
         right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
-        if not len(kept):
+        if instead:
+            also = f", as in {len(faults)} of {len(cells.rows)} rows" if len(faults) > 1 else ""
+            right = f"{instead}; or leave {count} out with --bad-rows skip"
+        elif not len(kept):
             right = "write numbers alone, their unit in the header (q1_deg, x_mm)"
-        raise cell_error(cells, row, column, f"{what}{also and f'; no number either: {also}'}", right)
+        raise cell_error(cells, row, column, f"{what}{also}", right)
     if not len(kept):
         raise FileError(cells.path, "", "every row has a cell that is no number", "is it the right file?")
     lines = enumerate_words([str(cells.lines[row]) for row in bad], LISTED)
     notice = f"{count} with cells that are no numbers left out: line {lines}"
     rows, numbers = tuple(cells.rows[row] for row in kept), tuple(cells.lines[row] for row in kept)
     return replace(cells, rows=rows, lines=numbers, notices=(*cells.notices, notice))
+
+
+def _instead_of_nothing(known: Sequence[PoseQuantity], faults: Sequence[tuple[int, str, str]]) -> str:
+    """What to write instead of nothing, where all faults (row, column, what) are empty cells of one such column."""
+    if {what for _, _, what in faults} != {EMPTY} or len({column for _, column, _ in faults}) > 1:
+        return ""
+    return next((each.if_empty for each in known if faults[0][1] in each.columns), "")
 
 
 def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Array]) -> Array:

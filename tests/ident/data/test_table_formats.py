@@ -501,6 +501,28 @@ def test_all_cells_that_are_no_numbers_are_named_at_once(tmp_path: Path, lab: Ar
     assert "leave 3 rows out with --bad-rows skip" in str(caught.value)
 
 
+def test_a_load_that_some_rows_do_not_state_is_never_taken_as_none(tmp_path: Path, lab: Arm) -> None:
+    """An empty cell may be no load, or the load of the row above: only the person who measured knows."""
+    rows = example_rows()
+    column = rows[0].index("payload_g")
+    for number, row in enumerate(rows):
+        row[column] = "load [g]" if number == 0 else "200" if number < 10 else ""
+    with pytest.raises(FileError) as caught:
+        load_measurements(written(tmp_path / "data.csv", rows), lab)
+    said, empty = str(caught.value), len(rows) - 10
+    assert f"line 11, column load [g]: the cell is empty, as in {empty} of {len(rows) - 1} rows" in said
+    assert "write 0 where the tool carried nothing" in said
+    assert f"leave {empty} rows out with --bad-rows skip" in said
+
+
+def test_a_supply_voltage_that_some_rows_lack_refuses_no_file(tmp_path: Path, lab: Arm) -> None:
+    """No model uses it."""
+    rows = example_rows()
+    for number, row in enumerate(rows):
+        row.append("supply_v" if number == 0 else "" if number == 7 else "7.4")
+    assert len(load_measurements(written(tmp_path / "data.csv", rows), lab)) == len(rows) - 1
+
+
 @pytest.mark.long
 def test_rows_with_bad_cells_are_skipped_when_asked_and_by_the_next_command(tmp_path: Path, lab: Arm) -> None:
     path, _ = bad_rows(tmp_path / "data.csv")
