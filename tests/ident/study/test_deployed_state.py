@@ -12,6 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.source import Source
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
+from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
@@ -34,10 +35,13 @@ def world(values: dict[str, float]) -> Model:
     return model_of(arm, [effects_at(arm, name)[0] for name in names], values)
 
 
-def measured(values: dict[str, float], *, numbered: bool = True) -> Measurements:
-    """Measurements of a world in random order over five hours, the last two thirds in a second session."""
+def measured(values: dict[str, float], *, numbered: bool = True, load: float = 0.0) -> Measurements:
+    """Measurements of a world in random order over five hours, the last two thirds in a second session.
+
+    `load`: kg, at the tool in the second half.
+    """
     rng, arm = np.random.default_rng(3), load_arm(ARM)
-    plain = poses_of(rng.uniform(-1.2, 1.2, (COUNT, arm.dof)))
+    plain = poses_of(rng.uniform(-1.2, 1.2, (COUNT, arm.dof)), np.where(np.arange(COUNT) < COUNT // 2, 0.0, load))
     pose, time = np.arange(1, COUNT + 1), 150.0 * np.arange(COUNT)
     session = 1.0 + (pose > COUNT // 3)
     poses = replace(plain, number=pose, t=time, session=session, running=time)
@@ -81,6 +85,15 @@ def test_sixty_poses_suffice_to_see_that_the_arm_stays_warm() -> None:
     state = fitted(data, DRIFT).model.state
     assert state is not None
     assert state.carried == {DRIFT: "last"}
+
+
+def test_the_arm_stays_warm_where_it_was_loaded_late() -> None:
+    """Loads are measured one after the other, as plans order them; unlike an angle, a load turns no joint's zero."""
+    data = measured({"drift.joint1.A_rad": 0.05}, load=0.1)
+    state = fitted(data, DRIFT).model.state
+    assert state is not None
+    assert state.carried == {DRIFT: "last"}
+    assert allows_rolling_origin(data)
 
 
 def test_both_errors_are_shown_and_apart() -> None:
