@@ -409,14 +409,14 @@ def _looks_like(report: DiagnosisReport) -> str:
     """What explains most of an unexplained error, if enough to be worth a word: a free function, or a known effect that
     is not named since later poses speak against it."""
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
-    left = dict(found.ranking)
+    left = dict(report.functions)
     best = found.functions[0] if found.functions else next(iter(left), None)
     function_left = left.get(best, np.inf) if best is not None else np.inf
     known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
-    if known is not None and known.held_out_rms < function_left and _explains_part(known.held_out_rms, held_out):
+    if known is not None and known.held_out_rms < function_left and explains_part(known.held_out_rms, held_out):
         of = f"{plain_name(known.name)} ({known.name}), which leaves ≈ {in_mm(known.held_out_rms)} mm here"
         return f"{of}. Not named, since it does not surely help at later poses"
-    if best is None or not _explains_part(function_left, held_out):
+    if best is None or not explains_part(function_left, held_out):
         return ""
     question = what_may_change(best)
     return f"{function_name(best)}, which leaves {in_mm(function_left)} mm{question and f'. {question}'}"
@@ -430,7 +430,8 @@ def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
             yield one
 
 
-def _explains_part(left: float, before: float) -> bool:
+def explains_part(left: float, before: float) -> bool:
+    """Whether an effect or a function that leaves one held-out RMS of another explains enough to be worth a word."""
     return 1.0 - (left / before) ** 2 >= PART
 
 
