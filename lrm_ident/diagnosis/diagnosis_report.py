@@ -18,8 +18,10 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Claim, Estimate, Reason, ReasonKind
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.fitting.held_out import deployed_residual
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import Limitation, audit
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.deployment.forecast_error import forecast_error
 from lrm_ident.residual.error_breakdown import ModelComparison
@@ -39,7 +41,8 @@ class RankedCandidate:
 
     Attributes:
         held_out_rms: held-out RMS with it (m), by the linear screening unless `exact` (`error_of_tip`).
-        fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed.
+        fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed;
+        deployed_without: that of the model without it, at the same poses.
         equivalent: names of effects that the data cannot distinguish from it.
         claim: the effect with its estimates; None without evidence. reason: of the verdict.
     """
@@ -53,6 +56,7 @@ class RankedCandidate:
     claim: Claim | None
     reason: Reason
     deployed: DeployedError | None = None
+    deployed_without: ErrorStats | None = None
 
     def __repr__(self) -> str:
         return f"<{self.name}, {self.verdict}: {self.reason.kind}>"
@@ -239,5 +243,9 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         reason = Reason(ReasonKind.LITTLE, errors)
     if function := diagnosis.unexplained.spurious.get(scored.name):
         reason = Reason(ReasonKind.RESEMBLES, subject=function)
-    deployed = None if refit is None else _deployed(refit, diagnosis.data)
-    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)
+    deployed = without = None
+    if refit is not None:
+        deployed = _deployed(refit, diagnosis.data)
+        rows = rows_as_deployed(refit.fit.model, diagnosis.data.poses)
+        without = error_stats(deployed_residual(confirmed.blocks)[rows])
+    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed, without)

@@ -104,8 +104,9 @@ class Deployment:
             yield f"where nothing is known of before: {self.time_unknown * 1e3:.2f} mm RMS over its session"
         said = []
         if self.last is not None:
-            unseen = "at poses not in the fit"
-            shown = {f"as deployed, {unseen}": self.last.deployed_rms_mm, unseen: self.last.held_out_rms_mm}
+            unseen, some = "at poses not in the fit", self.last.deployed_poses
+            part = unseen if some is None else f"at {some} poses not in the fit, where its state held"
+            shown = {f"as deployed, {part}": self.last.deployed_rms_mm, unseen: self.last.held_out_rms_mm}
             said = [f"{rms:.2f} mm RMS {how}" for how, rms in shown.items() if rms is not None][:1]
         if self.standard_error is not None:
             said.append(f"{self.standard_error * 1e3:.2f} mm RMS by uncertain parameters alone")

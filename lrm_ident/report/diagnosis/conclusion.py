@@ -324,9 +324,13 @@ def _deployed(report: DiagnosisReport) -> str:
     """The error as deployed, where it is another than in the session."""
     deployed, shown, first = report.deployed, report.held_out.rms, report.first
     if first is not None and first.deployed is not None:
-        before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
+        later = deployed.among_measured or first.deployed.among_measured
+        without = deployed.now if later or first.deployed_without is None else first.deployed_without
+        before, after = in_mm(without.rms), in_mm(first.deployed.now.rms)
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        return "" if same else f"{before} → {after} mm RMS {_where_expected(report)}"
+        fewer = None if later else first.deployed.fewer
+        part = "" if fewer is None else f"at the {fewer} poses where its state held, "
+        return "" if same else f"{before} → {after} mm RMS {part}{_where_expected(report)}"
     if deployed.among_measured is not None:
         among = f"{in_mm(deployed.among_measured.rms)} mm among the measured poses"
         return f"{in_mm(deployed.now.rms)} mm RMS at later poses ({among}), as the arm goes on changing"

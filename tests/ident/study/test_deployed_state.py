@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.source import Source
+from lrm_ident.diagnosis.confirm import confirm
+from lrm_ident.fitting.held_out import deployed_residual
+from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin
 from lrm_ident.study.study import Study
@@ -239,3 +243,34 @@ def test_the_state_is_in_every_file_that_leaves(tmp_path: Path) -> None:
     assert DRIFT in said
     assert exported.read_text() == mjcf(deployed).text
     assert exported.read_text() != mjcf(replace(deployed, values=0.0 * deployed.values)).text
+
+
+def test_the_error_as_deployed_says_of_how_many_poses_it_is() -> None:
+    """It is of the warm poses alone: beside that of a step before, of all poses, it would show a fall of its own."""
+    plain, warm = (fitted(measured({"drift.joint1.A_rad": 0.05}), *names) for names in ((), (DRIFT,)))
+    deployed = warm.held_out.deployed
+    assert deployed is not None
+    assert deployed.otherwise is not None
+    held = len(rows_as_deployed(warm.model, warm.data.poses))
+    assert 0 < held < COUNT
+    assert (plain.file.history[-1].deployed_poses, warm.file.history[-1].deployed_poses) == (None, held)
+    assert deployed.as_json()["poses"] == held
+    story = story_of_file(warm.file)
+    assert story is not None
+    assert f"at {held} poses" in str(dict(story.facts)["as deployed"])
+
+
+def test_a_diagnosis_compares_the_deployed_models_at_equal_poses() -> None:
+    """Before: the error without a drift was of all poses, cold ones included, and that with it of the warm ones."""
+    study = fitted(measured({"drift.joint1.A_rad": 0.05}))
+    report = study.diagnose()
+    first = report.first
+    assert first is not None
+    assert first.fit is not None
+    assert first.deployed is not None
+    assert first.deployed_without is not None
+    rows = rows_as_deployed(first.fit.model, report.diagnosis.data.poses)
+    assert len(rows) < len(report.diagnosis.data)
+    blocks = confirm(report.diagnosis).blocks
+    assert first.deployed_without.rms == pytest.approx(error_stats(deployed_residual(blocks)[rows]).rms)
+    assert first.deployed_without.rms != pytest.approx(report.deployed.now.rms)
