@@ -79,9 +79,9 @@ class Story:
     noise_rms_mm: float | None = None
     noise_bound_rms_mm: float | None = None
     of_tracker: bool = False
-    nested_deployed_poses: int | None = None
     chosen_in_folds: Mapping[str, int] = field(default_factory=dict)
     folds: int = 0
+    nested_deployed_poses: int | None = None
 
     @property
     def later(self) -> tuple[StoryStep, ...]:
@@ -202,8 +202,8 @@ def story_of(
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]
     of_tracker = any(EffectRef.parse(name).place == FRAME_PLACE for name in names)
-    chosen = course.nested_deployed_poses, course.chosen_in_folds, course.folds
-    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker, *chosen)
+    chosen = course.chosen_in_folds, course.folds
+    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker, *chosen, course.nested_deployed_poses)
 
 
 def at_poses(count: int | None) -> str:

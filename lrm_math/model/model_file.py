@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
-from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effect_names, effects_at
 from lrm_math.effects.compliance import SPRINGS
@@ -272,17 +272,6 @@ def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | N
         return to_covariance(tables.covariance, tables.sigma, model)
     except LrmError as error:
         raise FileError(path, "covariance", str(error)) from None
-
-
-def arm_of(path: Path, arm: str) -> Arm:
-    """The arm named in a file: a shipped one, or a path relative to the file's folder or the working directory."""
-    if arm in shipped_arms():
-        return load_arm(arm)
-    beside = path.parent / arm
-    try:
-        return load_arm(beside if beside.exists() else arm)
-    except FileError as error:
-        raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
 
 
 def arm_mismatch(tables: ModelFile, arm: Arm) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import Interval
 from lrm_math.effects.reference import ParameterRef
@@ -19,7 +20,7 @@ from lrm_math.model.covariance import Covariance, implausible_estimates
 from lrm_math.model.deployed_model import FIT_STATE, as_deployed, as_deployed_when_read, unknown_state
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import HistoryTable, ModelFile, arm_of, covariance_of, to_model
+from lrm_math.model.model_file import HistoryTable, ModelFile, covariance_of, to_model
 from lrm_math.model.uncertainty import expected_tip_error
 from lrm_math.toml_file import read_toml
 
