@@ -26,7 +26,13 @@ from lrm_ident.report.plain_names import place_in_words, plain_name, repair_advi
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options, provided_words
 from lrm_ident.report.text.claims import claim_sentence
-from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_in_order_of, where_measured
+from lrm_ident.report.text.poses import (
+    limitation_sentence,
+    paced_words,
+    rounding_words,
+    rows_in_order_of,
+    where_measured,
+)
 from lrm_ident.report.text.residuals import (
     A_LENGTH,
     BLACK_BOX,
@@ -38,6 +44,7 @@ from lrm_ident.report.text.residuals import (
 )
 from lrm_ident.report.text.variables import function_name, what_may_change
 from lrm_ident.residual.data_audit import LimitationKind, MeasuredAngles, where_it_holds
+from lrm_ident.residual.rounded_commands import rounded_commands
 from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
@@ -261,10 +268,22 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
         yield "in the model", enumerate_words(list(map(plain_name, known)), LISTED)
     yield "repair", _repair(report, attribution)
+    yield "rounding", _rounding(report)
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", where_measured(valid_where(report))
         yield "not tested", _not_tested(report)
+
+
+def _rounding(report: DiagnosisReport) -> str:
+    """That an error that nothing predicts is as large as the rounding of the angles would make it."""
+    found = report.diagnosis
+    if report.verdict not in (Verdict.UNPREDICTABLE, Verdict.NOISE_UNKNOWN):
+        return ""
+    rounded = rounded_commands(found.data.poses.q, found.joint_jacobian)
+    if rounded is None or not rounded.explains(report.held_out.rms, found.floor.rms or 0.0):
+        return ""
+    return rounding_words(np.degrees(rounded.step), rounded.tip)
 
 
 def _repair(report: DiagnosisReport, attribution: Support | None) -> str:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
 TRACKERS_SCALE = "tracker's scale"
-STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair", "hidden at most", "valid")
+STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair", "rounding", "hidden at most", "valid")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
 
