@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.pose_quantity import DATES, DISTANCE, PoseQuantity
+from lrm_ident.data.measurement_file.session_names import with_numbered_sessions
 from lrm_ident.data.measurement_file.times import seconds_of
 from lrm_ident.data.table_text.csv_file import CsvTable, is_number, read_table
 from lrm_ident.data.wording import enumerate_words
@@ -153,7 +154,7 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
 
     Raises `FileError`: a required column is missing, what is no number or cannot be one, or is stated in part.
     """
-    cells = _without_unreadable(cells, known)
+    cells = _without_unreadable(with_numbered_sessions(cells), known)
     header = {*cells.header}
     wanted = (each for each in known if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header))
     cells = _require(cells, [name for each in wanted for name in each.columns])
@@ -314,12 +315,31 @@ def _numbered_through(table: NumberTable) -> NumberTable:
     )
 
 
+def _with_repetitions(table: NumberTable) -> NumberTable:
+    """The table with the rows numbered 1, 2, 3 …, with a notice, where rows of one number and the same commanded angles
+    have other positions: they are repetitions, though nothing says so."""
+    number, q = table["pose"][:, 0], table["angles"]
+    first = np.unique(number, return_index=True)[1][np.unique(number, return_inverse=True)[1].reshape(-1)]
+    again = first != np.arange(len(table))
+    if "repeat_of" in table or "position" not in table or not again.any() or not (q == q[first]).all():
+        return table
+    if (table["position"] == table["position"][first])[again].all(axis=1).any():  # copies
+        return table
+    notice = (
+        f"{int(again.sum())} rows have the number and the angles of an earlier one: they are taken as its "
+        f"repetitions, and the rows as poses 1 to {len(table)}"
+    )
+    numbered = {"pose": np.arange(1.0, len(table) + 1.0)[:, None], "repeat_of": first[:, None] + 1.0}
+    cells = replace(table.cells, notices=(*table.cells.notices, notice))
+    return replace(table, cells=cells, quantities={**table.quantities, **numbered})
+
+
 def checked_rows(table: NumberTable) -> NumberTable:
     """The table of measured poses, each with the number of the pose that it repeats, its own where the cell is empty.
 
     Raises `FileError`: a number that stands twice, a repetition of no pose, or a row without position and distance.
     """
-    table = _numbered_through(table)
+    table = _with_repetitions(_numbered_through(table))
     cells, pose, first = table.cells, table.integers("pose"), dict[int, int]()
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:

@@ -38,7 +38,7 @@ from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_v
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
-from lrm_math.arm.plausible_arm import total_mass
+from lrm_math.arm.plausible_arm import reach, total_mass
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -49,6 +49,8 @@ from lrm_math.model.sensed import tool_rotation
 MOST, LISTED = 100, 4
 FAR, BETTER = np.radians(15.0), 0.5
 """An orientation error that no assembled arm has, and the part of it that another reading must come below."""
+AS_COMPUTED = 1e-4
+"""Error over the reach that no arm has as drawn: an industrial one has ten times as much."""
 NOT_THIS_ARM = np.radians(45.0)
 WHAT_ELSE = (
     "is it another arm, or did its base or the tracker move? check the arm file, and which column is which joint"
@@ -110,7 +112,20 @@ def load_checked(
     found = in_arm_frame(arm, data.noting(*notices))
     for seen in found.of(Orientations):
         check_orientations(arm, found, seen)
-    return found
+    return found.noting(*_as_drawn(arm, found))
+
+
+def _as_drawn(arm: Arm, data: Measurements) -> tuple[str, ...]:
+    """A notice where the positions are those of the arm as drawn: no arm is built so exactly, but a program computes them
+    so."""
+    if data.touched or not data.positions.measured.any():
+        return ()
+    computed = solve_equilibrium(model_of(arm, ()), data.poses).tcp
+    error = float(np.sqrt(np.nanmean(((data.tcp - computed) ** 2).sum(axis=1))))
+    if error > AS_COMPUTED * reach(arm):
+        return ()
+    what = f"the positions are those of {arm.name} as drawn, to within {error / MM:.2g} mm"
+    return (f"{what}: are they where the arm was sent, not where it was measured?",)
 
 
 def _massless(arm: Arm) -> tuple[str, ...]:
