@@ -116,8 +116,7 @@ def load_checked(
 
 
 def _as_drawn(arm: Arm, data: Measurements) -> tuple[str, ...]:
-    """A notice where the positions are those of the arm as drawn: no arm is built so exactly, but a program computes them
-    so."""
+    """A notice where the positions are those of the arm as drawn: computed, since no arm is built so exactly."""
     if data.touched or not data.positions.measured.any():
         return ()
     computed = solve_equilibrium(model_of(arm, ()), data.poses).tcp
