@@ -329,7 +329,8 @@ def _with_repetitions(table: NumberTable) -> NumberTable:
         f"{int(again.sum())} rows have the number and the angles of an earlier one: they are taken as its "
         f"repetitions, and the rows as poses 1 to {len(table)}"
     )
-    numbered = {"pose": np.arange(1.0, len(table) + 1.0)[:, None], "repeat_of": first[:, None] + 1.0}
+    every = np.arange(1.0, len(table) + 1.0)
+    numbered = {"pose": every[:, None], "repeat_of": every[first, None]}
     cells = replace(table.cells, notices=(*table.cells.notices, notice))
     return replace(table, cells=cells, quantities={**table.quantities, **numbered})
 

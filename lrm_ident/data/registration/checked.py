@@ -112,13 +112,11 @@ def load_checked(
     found = in_arm_frame(arm, data.noting(*notices))
     for seen in found.of(Orientations):
         check_orientations(arm, found, seen)
-    return found.noting(*_as_drawn(arm, found))
+    return found
 
 
 def _as_drawn(arm: Arm, data: Measurements) -> tuple[str, ...]:
     """A notice where the positions are those of the arm as drawn: computed, since no arm is built so exactly."""
-    if data.touched or not data.positions.measured.any():
-        return ()
     computed = solve_equilibrium(model_of(arm, ()), data.poses).tcp
     error = float(np.sqrt(np.nanmean(((data.tcp - computed) ** 2).sum(axis=1))))
     if error > AS_COMPUTED * reach(arm):
@@ -157,7 +155,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         doubt = (
             f"as read, {arm.name} misses the positions by {_millimetres(check.read)}, more than an assembled arm does"
         )
-        return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
+        return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else _as_drawn(arm, data)
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.source.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 
