@@ -18,11 +18,14 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Claim, Estimate, Reason, ReasonKind
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.fitting.held_out import deployed_residual
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import Limitation, audit
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.deployment.forecast_error import forecast_error
 from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.parameter_hints import ParameterHint, parameter_hints
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
@@ -38,8 +41,9 @@ class RankedCandidate:
     """One candidate with its verdict.
 
     Attributes:
-        held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
-        fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed.
+        held_out_rms: held-out RMS with it (m), by the linear screening unless `exact` (`error_of_tip`).
+        fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed;
+        deployed_without: that of the model without it, at the same poses.
         equivalent: names of effects that the data cannot distinguish from it.
         claim: the effect with its estimates; None without evidence. reason: of the verdict.
     """
@@ -53,6 +57,7 @@ class RankedCandidate:
     claim: Claim | None
     reason: Reason
     deployed: DeployedError | None = None
+    deployed_without: ErrorStats | None = None
 
     def __repr__(self) -> str:
         return f"<{self.name}, {self.verdict}: {self.reason.kind}>"
@@ -118,6 +123,12 @@ class DiagnosisReport(ShownInNotebook):
     def first(self) -> RankedCandidate | None:
         """The effect to add, if any."""
         return self.ranking[0] if self.ranking and self.ranking[0].exact else None
+
+    @property
+    def functions(self) -> tuple[tuple[FreeFunction, float], ...]:
+        """The best free functions, and the held-out RMS (m) that each would leave."""
+        ranking = self.diagnosis.unexplained.ranking
+        return tuple((function, error_of_tip(rms, self.diagnosis, self.held_out)) for function, rms in ranking)
 
     @property
     def far_rows(self) -> tuple[int, ...]:
@@ -194,6 +205,16 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
     return [*supported, *rest]
 
 
+def error_of_tip(rms: float, diagnosis: Diagnosis, before: ErrorStats) -> float:
+    """Held-out RMS of the tip (m) for one that the screening estimates.
+
+    The screening weighs all that was measured of its poses by the noise. It leaves a share of its own error without a
+    candidate; the tip is estimated to keep the same share of its error `before`.
+    """
+    without = diagnosis.screening.linear.baseline.rms
+    return before.rms * rms / without if without else rms
+
+
 def _deployed(refit: Refit, data: Measurements) -> DeployedError:
     """Held-out error of a refitted model as it is deployed."""
     later = forecast_error(refit.fit.model, data, refit.fit.loss, refit.fit.stated)
@@ -204,7 +225,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     """A candidate with its verdict and the reason of it. `before`: held-out error without it."""
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     refit = confirmed.refit if scored in supported[:1] else None
-    fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
+    estimated = error_of_tip(scored.alone.rms, diagnosis, before)
+    fitted, rms = (None, estimated) if refit is None else (refit.fit, refit.error.rms)
     estimates = screened_estimates(scored) if fitted is None else fitted_estimates(scored, fitted)
     leaders = tuple(
         candidate.name for candidate in supported[:1] if scored.name in diagnosis.equivalent[candidate.name]
@@ -223,9 +245,13 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         reason = Reason(ReasonKind.EXPLAINS, errors[::-1], (scored.name, *equivalent), claim)
     elif scored.implausible:
         reason = scored.implausible
-    elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
+    elif estimated > (1.0 - MIN_GAIN) * before.rms:
         reason = Reason(ReasonKind.LITTLE, errors)
     if function := diagnosis.unexplained.spurious.get(scored.name):
         reason = Reason(ReasonKind.RESEMBLES, subject=function)
-    deployed = None if refit is None else _deployed(refit, diagnosis.data)
-    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)
+    deployed = without = None
+    if refit is not None:
+        deployed = _deployed(refit, diagnosis.data)
+        rows = rows_as_deployed(refit.fit.model, diagnosis.data.poses)
+        without = error_stats(deployed_residual(confirmed.blocks)[rows])
+    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed, without)

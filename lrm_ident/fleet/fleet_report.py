@@ -20,9 +20,9 @@ from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estima
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.effects import ParameterRef
 from lrm_math.errors import LrmError
-from lrm_math.model.model_file import arm_of
 
 MOST_RATES, MOST_CAUSES = 20, 2
 

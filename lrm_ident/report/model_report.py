@@ -64,7 +64,10 @@ def history_table(file: ModelFile) -> ResultTable:
         (number, done(entry), *row, data_of(entry))
         for number, (entry, row) in enumerate(zip(file.history, errors, strict=True))
     ]
-    columns = ("|", "step", *(f"{title} RMS mm|{spec}" for title in ERRORS.values()), "data (SHA-256)|")
+    columns = ["|", "step", *(f"{title} RMS mm|{spec}" for title in ERRORS.values()), "data (SHA-256)|"]
+    if any(entry.deployed_poses for entry in file.history):
+        columns.append("deployed: of poses|")
+        rows = [(*row, entry.deployed_poses or "all") for row, entry in zip(rows, file.history, strict=True)]
     return ResultTable(columns, rows, "Steps")
 
 
@@ -74,7 +77,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
         {
             "step": str(entry.name),
             "indistinguishable_from": entry.indistinguishable,
-            **entry.model_dump(include={*ERRORS}),
+            **entry.model_dump(include={*ERRORS, "deployed_poses"}),
             "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
         }
         for entry in file.history

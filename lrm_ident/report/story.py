@@ -41,6 +41,7 @@ class StoryStep:
     Attributes:
         title: in plain words. kind: what made it fall. number: of the step in the history; None of the nominal arm.
         before_rms_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
+        deployed_poses: number of poses that this one is of; None: of all.
     """
 
     title: str
@@ -49,6 +50,7 @@ class StoryStep:
     before_rms_mm: float
     rms_mm: float
     deployed_rms_mm: float | None = None
+    deployed_poses: int | None = None
 
     @property
     def explained(self) -> float:
@@ -63,7 +65,8 @@ class Story:
     Attributes:
         steps: of the nominal arm, of every fit, of every effect that was added.
         held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
-        nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold.
+        nested_rms_mm, nested_deployed_rms_mm: held out with the effects chosen anew in every fold;
+        nested_deployed_poses: number of poses that the second is of, None: of all.
         chosen_in_folds, folds: how many of the folds chose each effect anew.
         of_tracker: whether an error of the tracker was added.
         noise_rms_mm: of the measurement; noise_bound_rms_mm: where that is not known, what it is at most.
@@ -78,6 +81,7 @@ class Story:
     of_tracker: bool = False
     chosen_in_folds: Mapping[str, int] = field(default_factory=dict)
     folds: int = 0
+    nested_deployed_poses: int | None = None
 
     @property
     def later(self) -> tuple[StoryStep, ...]:
@@ -98,9 +102,11 @@ class Story:
     def facts(self) -> tuple[tuple[str, str], ...]:
         """What else is known of the last error, labelled."""
         on_arm = self.nested_deployed_rms_mm
-        more = "" if on_arm is None or _alike(on_arm, self.nested_rms_mm) else f"; as deployed {in_mm(on_arm * MM)} mm"
+        there = "" if on_arm is None else f"; as deployed {in_mm(on_arm * MM)} mm{at_poses(self.nested_deployed_poses)}"
+        more = "" if _alike(on_arm, self.nested_rms_mm) else there
+        part = at_poses(self.steps[-1].deployed_poses)
         after = {
-            "as deployed": f" {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
+            "as deployed": f"{part} {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
             NESTED: f", {ANEW}{more}",
             NOISE: "",
             NOISE_AT_MOST: " at most",
@@ -141,10 +147,12 @@ class Story:
                 one.title,
                 "" if one.kind in (*WITHOUT_EFFECT, "effect") else one.kind,
                 in_mm(one.rms_mm * MM),
-                None if one.deployed_rms_mm is None else in_mm(one.deployed_rms_mm * MM),
+                None
+                if one.deployed_rms_mm is None
+                else f"{in_mm(one.deployed_rms_mm * MM)}{at_poses(one.deployed_poses)}",
                 BAR * round(BAR_WIDTH * one.rms_mm / most) if number else "",
             )
-            for number, one in enumerate(self.steps)
+            for number, (one, on_arm) in enumerate((one, one.deployed_rms_mm) for one in self.steps)
         ]
         error = "held-out RMS, mm|" if self.held_out else "RMS, mm|"
         return ResultTable(("step", "what it is", error, "as deployed|", ""), rows, "How the error fell")
@@ -188,13 +196,19 @@ def story_of(
         title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
         made = kind if number and entry.name.added else "fit"
-        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, left, deployed))
+        poses = None if deployed is None else entry.deployed_poses
+        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, left, deployed, poses))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]
     of_tracker = any(EffectRef.parse(name).place == FRAME_PLACE for name in names)
     chosen = course.chosen_in_folds, course.folds
-    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker, *chosen)
+    return Story(tuple(steps), held_out, *nested, noise, bound_mm, of_tracker, *chosen, course.nested_deployed_poses)
+
+
+def at_poses(count: int | None) -> str:
+    """How many poses an error as deployed is of, where they are not all (None): it is not that of other steps."""
+    return "" if count is None else f" at {count} poses"
 
 
 def _alike(one: float | None, other: float | None) -> bool:

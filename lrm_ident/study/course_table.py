@@ -17,6 +17,7 @@ def with_course(file: ModelFile, course: AutoRun, nested: NestedResidual) -> Mod
         noise_rms_mm=None if noise is None else noise * 1e3,
         nested_rms_mm=None if nested_error is None else nested_error.rms * 1e3,
         nested_deployed_rms_mm=None if nested.deployed is None else nested.deployed.now.rms * 1e3,
+        nested_deployed_poses=None if nested.deployed is None else nested.deployed.fewer,
         chosen_in_folds=nested.frequency,
         folds=len(nested.chosen) if nested_error is not None else 0,
     )

@@ -21,10 +21,10 @@ from lrm_ident.study.notices import Notice, NoticeKind, as_read
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import shipped_arms
+from lrm_math.arm.arm_file import arm_of, shipped_arms
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of, to_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 

@@ -71,6 +71,7 @@ def model_file(
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
         deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
+        deployed_poses=None if held_out.deployed is None else held_out.deployed.fewer,
         rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
         sigma=sigma_table(fit),
         covariance=covariance_table_of(fit),

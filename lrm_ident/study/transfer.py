@@ -22,7 +22,7 @@ from lrm_ident.study.model_history import as_written, model_file, write_model
 from lrm_ident.study.notices import Notice
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
-from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.arm_file import arm_of, load_arm
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import Covariance, covariance_table
@@ -33,7 +33,6 @@ from lrm_math.model.model_file import (
     SCHEMA,
     ModelFile,
     arm_mismatch,
-    arm_of,
     covariance_of,
     model_tables,
 )

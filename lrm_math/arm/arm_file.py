@@ -188,6 +188,17 @@ def arm_name_for(arm: str, folder: Path) -> str:
         return path.resolve().as_posix()
 
 
+def arm_of(path: Path, arm: str) -> Arm:
+    """The arm named in a file: a shipped one, or a path relative to the file's folder or the working directory."""
+    if arm in shipped_arms():
+        return load_arm(arm)
+    beside = path.parent / arm
+    try:
+        return load_arm(beside if beside.exists() else arm)
+    except FileError as error:
+        raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
+
+
 def load_arm(name_or_path: str | Path) -> Arm:
     """Loads an arm by the name of a shipped one or by path.
 

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
-from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effect_names, effects_at
 from lrm_math.effects.compliance import SPRINGS
@@ -139,7 +139,8 @@ class CourseTable(StrictSchema):
     """Table `[history.course]`: what is known once all steps up to this one were taken.
 
     `shows`: what each effect that was added is, by its name. `noise_rms_mm`: of the measurement. `nested_rms_mm`,
-    `nested_deployed_rms_mm`: held out with the effects chosen anew in every fold, and the same as deployed.
+    `nested_deployed_rms_mm`: held out with the effects chosen anew in every fold, and the same as deployed, of
+    `nested_deployed_poses` where those are not all.
     `chosen_in_folds`: number of these `folds` that chose each effect.
     """
 
@@ -147,6 +148,7 @@ class CourseTable(StrictSchema):
     noise_rms_mm: float | None = None
     nested_rms_mm: float | None = None
     nested_deployed_rms_mm: float | None = None
+    nested_deployed_poses: int | None = None
     chosen_in_folds: dict[str, int] = {}
     folds: int = 0
 
@@ -157,7 +159,8 @@ class HistoryTable(StrictSchema):
     `step`: `fit`, `add`, `refit`, `leave_out`, `free` or `transfer`; `of`: the effect that was added, the prior, the
     bench (`StepName`).
     `nominal_rms_mm`: error of the nominal arm on the same data, of a fit.
-    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
+    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know; `deployed_poses`:
+    the number of poses that it is of, where those are not all of the step's.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
     `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
     """
@@ -169,6 +172,7 @@ class HistoryTable(StrictSchema):
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
     deployed_rms_mm: float | None = None
+    deployed_poses: int | None = None
     rivals_mm: dict[str, float] | None = None
     effects: list[str]
     parameters: dict[str, float]
@@ -268,17 +272,6 @@ def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | N
         return to_covariance(tables.covariance, tables.sigma, model)
     except LrmError as error:
         raise FileError(path, "covariance", str(error)) from None
-
-
-def arm_of(path: Path, arm: str) -> Arm:
-    """The arm named in a file: a shipped one, or a path relative to the file's folder or the working directory."""
-    if arm in shipped_arms():
-        return load_arm(arm)
-    beside = path.parent / arm
-    try:
-        return load_arm(beside if beside.exists() else arm)
-    except FileError as error:
-        raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
 
 
 def arm_mismatch(tables: ModelFile, arm: Arm) -> str:

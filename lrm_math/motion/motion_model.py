@@ -13,7 +13,7 @@ from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
-from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.effects import EffectRef
 from lrm_math.errors import FileError, UnknownName
 from lrm_math.motion.base import MotionEffect
@@ -120,9 +120,12 @@ def effect_of(arm: Arm, name: str, catalogue: MotionCatalogue = MOTION_EFFECTS) 
 
 
 def load_motion(path: Path) -> tuple[MotionFile, MotionModel]:
-    """A motion model's file, as it stands and as a model. Raises `FileError`."""
+    """A motion model's file, as it stands and as a model; its arm is looked up as that of a model file (`arm_of`).
+
+    Raises `FileError`.
+    """
     file = read_toml(path, MotionFile)
-    return file, motion_of(path, file, load_arm(file.arm))
+    return file, motion_of(path, file, arm_of(path, file.arm))
 
 
 def motion_of(path: Path, file: MotionFile, arm: Arm) -> MotionModel:

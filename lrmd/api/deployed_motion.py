@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.errors import FileError
-from lrm_math.model.model_file import arm_of
 from lrm_math.motion.motion_model import MotionFile, MotionModel, motion_of
 from lrm_math.motion.settling import LONGEST_S, settling
 from lrm_math.toml_file import read_toml

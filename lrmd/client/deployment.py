@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lrm_math.arm.arm_file import arm_of
 from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import Interval
 from lrm_math.effects.reference import ParameterRef
@@ -19,7 +20,7 @@ from lrm_math.model.covariance import Covariance, implausible_estimates
 from lrm_math.model.deployed_model import FIT_STATE, as_deployed, as_deployed_when_read, unknown_state
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import HistoryTable, ModelFile, arm_of, covariance_of, to_model
+from lrm_math.model.model_file import HistoryTable, ModelFile, covariance_of, to_model
 from lrm_math.model.uncertainty import expected_tip_error
 from lrm_math.toml_file import read_toml
 
@@ -104,8 +105,9 @@ class Deployment:
             yield f"where nothing is known of before: {self.time_unknown * 1e3:.2f} mm RMS over its session"
         said = []
         if self.last is not None:
-            unseen = "at poses not in the fit"
-            shown = {f"as deployed, {unseen}": self.last.deployed_rms_mm, unseen: self.last.held_out_rms_mm}
+            unseen, some = "at poses not in the fit", self.last.deployed_poses
+            part = unseen if some is None else f"at {some} poses not in the fit, where its state held"
+            shown = {f"as deployed, {part}": self.last.deployed_rms_mm, unseen: self.last.held_out_rms_mm}
             said = [f"{rms:.2f} mm RMS {how}" for how, rms in shown.items() if rms is not None][:1]
         if self.standard_error is not None:
             said.append(f"{self.standard_error * 1e3:.2f} mm RMS by uncertain parameters alone")

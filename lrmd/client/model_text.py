@@ -35,7 +35,7 @@ def text_to_deploy(path: Path) -> str:
     text, arm = _without_history(text, tables), tables.get("arm")
     if not isinstance(arm, str) or Path(arm).suffix != ".toml":
         return text
-    from lrm_math.model.model_file import arm_of  # takes a while, and most models are of a shipped arm
+    from lrm_math.arm.arm_file import arm_of  # takes a while, and most models are of a shipped arm
 
     named = f"arm = {json.dumps(arm_of(path, arm).name, ensure_ascii=False)}"
     return ARM.sub(lambda _: named, text, count=1)

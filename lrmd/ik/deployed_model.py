@@ -9,12 +9,12 @@ from pathlib import Path
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
-from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arm.arm_file import arm_of, load_arm, shipped_arms
 from lrm_math.effects import compensable
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of, covariance_of, to_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, covariance_of, to_model
 from lrm_math.model.uncertainty import FieldCoverage, field_coverage
 from lrm_math.toml_file import bounded_content, read_toml
 from lrmd.config import Config

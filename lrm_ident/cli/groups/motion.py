@@ -33,6 +33,7 @@ from lrm_ident.measuring.recordings.readers import FORMATS
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.effects import listed
 from lrm_ident.report.plain_names import WORDS
+from lrm_ident.study.inputs import arm_from
 from lrm_ident.workbench.motion_page import motion_page
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
@@ -171,7 +172,7 @@ def add(
     """Add an effect of motion at a joint and refit that joint."""
     with _opened(model, source) as (file, before):
         study = before.add(effect)
-    write_motion(study, file.arm, output)
+    write_motion(study, arm_from(model, file.arm), output)
     publish(motion_document(study, f"with {effect}: reading less prediction"), json)
     show(f"Model written to {output}")
 
@@ -189,7 +190,7 @@ def auto(
     with _opened(model, source) as (file, before):
         study = before.auto()
         judged = study.judged()
-    write_motion(study, file.arm, output)
+    write_motion(study, arm_from(model, file.arm), output)
     publish(auto_document(study, judged, str(output)), json)
     if figure:
         draw_motion(before, study, figure)

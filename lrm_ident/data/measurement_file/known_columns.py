@@ -45,21 +45,27 @@ def _as_gravity(length: Array) -> NDArray[np.bool_]:
 LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
 """Loads over the mass of the arm."""
 NO_MASSES = (0.5, 1e5)  # g
+NO_LOAD = "write 0 where the tool carried nothing, and the load in every row where it carried one"
+NO_COLUMN = "write it in every row, or delete the column"
 
 
 NUMBERS = ("nr", "no", "num", "number", "index", "idx", "id", "posenumber", "poseid", "posenr", "sample")
 KNOWN = (
     PoseQuantity("pose", ("pose",), NUMBERS, WHOLE, commanded=True),
     PoseQuantity("t", ("t_s",), ("t", "time", "timestamp"), size=TIME, commanded=True),
-    PoseQuantity("session", ("session",), commanded=True),
-    PoseQuantity("temperature", ("temp_c",), ("temp", "temperature"), size=TEMPERATURE, commanded=True),
-    PoseQuantity("payload", ("payload_g",), ("payload", "load", "mass"), NOT_BELOW_ZERO, commanded=True),
+    PoseQuantity("session", ("session",), if_empty="write the session in every row", commanded=True),
+    PoseQuantity(
+        "temperature", ("temp_c",), ("temp", "temperature"), size=TEMPERATURE, if_empty=NO_COLUMN, commanded=True
+    ),
+    PoseQuantity(
+        "payload", ("payload_g",), ("payload", "load", "mass"), NOT_BELOW_ZERO, if_empty=NO_LOAD, commanded=True
+    ),
     PoseQuantity("approach", ("approach",), ("direction",), SIDES, commanded=True),
     PoseQuantity("hold", ("hold_s",), (), NO_NEGATIVE_TIME, size=HOLD, commanded=True),
     PoseQuantity("gravity", DOWN, (), OF_GRAVITY, commanded=True),
     PoseQuantity("tilt", TILT, (), LEANING, commanded=True),
     PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),
-    PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY),
+    PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY, may_be_empty=True),
     *(quantity for kind in KINDS for quantity in kind.quantities),
 )
 """All quantities but those of single joints."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.pose_quantity import DATES, DISTANCE, PoseQuantity
+from lrm_ident.data.measurement_file.session_names import with_numbered_sessions
 from lrm_ident.data.measurement_file.times import seconds_of
 from lrm_ident.data.table_text.csv_file import CsvTable, is_number, read_table
 from lrm_ident.data.wording import enumerate_words
@@ -24,6 +25,7 @@ from lrm_math.plausibility import implausible_value
 
 LISTED, COLUMNS_LISTED = 8, 12
 """Cells that are named beside the first wrong one, and columns that are there beside one that is missing."""
+EMPTY = "the cell is empty"
 LIMIT_TOLERANCE = np.radians(1e-6)
 MISTYPED = 0.1
 """Share of the rows up to which joint angles beyond the limits are single mistakes."""
@@ -126,7 +128,7 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
         if words[row].strip():
             faults[row] = f"'{words[row]}' is not a {'finite ' if is_number(words[row]) else ''}number"
         elif not may_be_empty:
-            faults[row] = "the cell is empty"
+            faults[row] = EMPTY
     return values * factor, faults
 
 
@@ -152,7 +154,7 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
 
     Raises `FileError`: a required column is missing, what is no number or cannot be one, or is stated in part.
     """
-    cells = _without_unreadable(cells, known)
+    cells = _without_unreadable(with_numbered_sessions(cells), known)
     header = {*cells.header}
     wanted = (each for each in known if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header))
     cells = _require(cells, [name for each in wanted for name in each.columns])
@@ -164,7 +166,7 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
     }
     faults = sorted((row, name, what) for name, (_, found) in parsed.items() for row, what in found.items())
     kept = np.setdiff1d(np.arange(len(cells.rows)), [row for row, _, _ in faults])
-    good = _without_faults(cells, faults, kept, skip) if faults else cells
+    good = _without_faults(cells, known, faults, kept, skip) if faults else cells
     columns = {name: values[kept] for name, (values, _) in parsed.items() if name != "t_s"}
     there = [each for each in known if not header.isdisjoint(each.columns)]
     table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
@@ -201,7 +203,11 @@ def _unreadable(cells: CsvTable, name: str, may_be_empty: bool) -> bool:
 
 
 def _without_faults(
-    cells: CsvTable, faults: Sequence[tuple[int, str, str]], kept: NDArray[np.int64], skip: bool | None
+    cells: CsvTable,
+    known: Sequence[PoseQuantity],
+    faults: Sequence[tuple[int, str, str]],
+    kept: NDArray[np.int64],
+    skip: bool | None,
 ) -> CsvTable:
     """The rows `kept` alone, with a notice, if bad rows are to be skipped.
 
@@ -209,22 +215,34 @@ def _without_faults(
     None), or that nothing would be left.
     """
     row, column, what = faults[0]
+    instead = _instead_of_nothing(known, faults)
     if skip is None:
-        raise cell_error(cells, row, column, what)
+        raise cell_error(cells, row, column, what, instead)
     bad = sorted({row for row, _, _ in faults})
     count = "1 row" if len(bad) == 1 else f"{len(bad)} rows"
     if not skip:
         also = enumerate_words([_cell_place(cells, row, column) for row, column, _ in faults[1:]], LISTED)
+        also = also and f"; no number either: {also}"
         right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
-        if not len(kept):
+        if instead:
+            also = f", as in {len(faults)} of {len(cells.rows)} rows" if len(faults) > 1 else ""
+            right = f"{instead}; or leave {count} out with --bad-rows skip"
+        elif not len(kept):
             right = "write numbers alone, their unit in the header (q1_deg, x_mm)"
-        raise cell_error(cells, row, column, f"{what}{also and f'; no number either: {also}'}", right)
+        raise cell_error(cells, row, column, f"{what}{also}", right)
     if not len(kept):
         raise FileError(cells.path, "", "every row has a cell that is no number", "is it the right file?")
     lines = enumerate_words([str(cells.lines[row]) for row in bad], LISTED)
     notice = f"{count} with cells that are no numbers left out: line {lines}"
     rows, numbers = tuple(cells.rows[row] for row in kept), tuple(cells.lines[row] for row in kept)
     return replace(cells, rows=rows, lines=numbers, notices=(*cells.notices, notice))
+
+
+def _instead_of_nothing(known: Sequence[PoseQuantity], faults: Sequence[tuple[int, str, str]]) -> str:
+    """What to write instead of nothing, where all faults (row, column, what) are empty cells of one such column."""
+    if {what for _, _, what in faults} != {EMPTY} or len({column for _, column, _ in faults}) > 1:
+        return ""
+    return next((each.if_empty for each in known if faults[0][1] in each.columns), "")
 
 
 def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Array]) -> Array:
@@ -297,12 +315,32 @@ def _numbered_through(table: NumberTable) -> NumberTable:
     )
 
 
+def _with_repetitions(table: NumberTable) -> NumberTable:
+    """The table with the rows numbered 1, 2, 3 …, with a notice, where rows of one number and the same commanded angles
+    have other positions: they are repetitions, though nothing says so."""
+    number, q = table["pose"][:, 0], table["angles"]
+    first = np.unique(number, return_index=True)[1][np.unique(number, return_inverse=True)[1].reshape(-1)]
+    again = first != np.arange(len(table))
+    if "repeat_of" in table or "position" not in table or not again.any() or not (q == q[first]).all():
+        return table
+    if (table["position"] == table["position"][first])[again].all(axis=1).any():  # copies
+        return table
+    notice = (
+        f"{int(again.sum())} rows have the number and the angles of an earlier one: they are taken as its "
+        f"repetitions, and the rows as poses 1 to {len(table)}"
+    )
+    every = np.arange(1.0, len(table) + 1.0)
+    numbered = {"pose": every[:, None], "repeat_of": every[first, None]}
+    cells = replace(table.cells, notices=(*table.cells.notices, notice))
+    return replace(table, cells=cells, quantities={**table.quantities, **numbered})
+
+
 def checked_rows(table: NumberTable) -> NumberTable:
     """The table of measured poses, each with the number of the pose that it repeats, its own where the cell is empty.
 
     Raises `FileError`: a number that stands twice, a repetition of no pose, or a row without position and distance.
     """
-    table = _numbered_through(table)
+    table = _with_repetitions(_numbered_through(table))
     cells, pose, first = table.cells, table.integers("pose"), dict[int, int]()
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:

@@ -48,6 +48,7 @@ class PoseQuantity:
         aliases: other names of its only column, without unit and signs.
         rule, size: of the numbers.
         may_be_empty: whether cells may be. whole: whether a row then states all of them or none.
+        if_empty: what to write instead of nothing, where cells may not be empty.
         required: whether a file must state it. unless: columns beside which it may be missing, or its cells empty.
         commanded: whether it says what was commanded; files of poses have these alone.
         signs: of each column. limits: between which the numbers of each column are (SI).
@@ -60,6 +61,7 @@ class PoseQuantity:
     size: PlausibleSize | None = None
     may_be_empty: bool = False
     whole: bool = False
+    if_empty: str = ""
     required: bool = False
     unless: tuple[str, ...] = ()
     commanded: bool = False

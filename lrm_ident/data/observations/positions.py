@@ -126,7 +126,7 @@ class Positions(Observation):
 
 
 def rounding_step(values: Array) -> float:
-    """Step (m) of which all readings (N,) are multiples, from the first one; 0: they show none.
+    """Step of which all readings (N,), m or deg, are multiples, from the first one; 0: they show none.
 
     n differences of readings that are written finer are all multiples of a step by chance in at most 2⁻ⁿ of cases.
     """

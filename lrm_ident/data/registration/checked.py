@@ -38,7 +38,7 @@ from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_v
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
-from lrm_math.arm.plausible_arm import total_mass
+from lrm_math.arm.plausible_arm import reach, total_mass
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -49,6 +49,8 @@ from lrm_math.model.sensed import tool_rotation
 MOST, LISTED = 100, 4
 FAR, BETTER = np.radians(15.0), 0.5
 """An orientation error that no assembled arm has, and the part of it that another reading must come below."""
+AS_COMPUTED = 1e-4
+"""Error over the reach that no arm has as drawn: an industrial one has ten times as much."""
 NOT_THIS_ARM = np.radians(45.0)
 WHAT_ELSE = (
     "is it another arm, or did its base or the tracker move? check the arm file, and which column is which joint"
@@ -113,6 +115,16 @@ def load_checked(
     return found
 
 
+def _as_drawn(arm: Arm, data: Measurements) -> tuple[str, ...]:
+    """A notice where the positions are those of the arm as drawn: computed, since no arm is built so exactly."""
+    computed = solve_equilibrium(model_of(arm, ()), data.poses).tcp
+    error = float(np.sqrt(np.nanmean(((data.tcp - computed) ** 2).sum(axis=1))))
+    if error > AS_COMPUTED * reach(arm):
+        return ()
+    what = f"the positions are those of {arm.name} as drawn, to within {error / MM:.2g} mm"
+    return (f"{what}: are they where the arm was sent, not where it was measured?",)
+
+
 def _massless(arm: Arm) -> tuple[str, ...]:
     """A notice where no body of the arm has a mass, as of a URDF without inertials: then other effects imitate sag."""
     if total_mass(arm):
@@ -143,7 +155,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         doubt = (
             f"as read, {arm.name} misses the positions by {_millimetres(check.read)}, more than an assembled arm does"
         )
-        return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
+        return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else _as_drawn(arm, data)
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.source.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 

@@ -21,6 +21,7 @@ from lrm_ident.measuring.recordings.readers import read_take
 from lrm_ident.measuring.recordings.take import TipTrack
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import arm_sha256
+from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -107,7 +108,7 @@ def open_motion(
 
 
 def write_motion(study: MotionStudy, arm: str, path: Path) -> None:
-    """Writes the model of a study. Raises `FileError`."""
+    """Writes the model of a study; a path of an `arm` is stored relative to the file's folder. Raises `FileError`."""
     units = {
         key: parameter.si
         for effect in study.model.effects
@@ -115,7 +116,7 @@ def write_motion(study: MotionStudy, arm: str, path: Path) -> None:
     }
     tables = {
         "schema": SCHEMA,
-        "arm": arm,
+        "arm": arm_name_for(arm, path.parent),
         "arm_sha256": arm_sha256(study.model.arm),
         "recording": study.moves.name,
         "effects": [effect.name for effect in study.model.effects],

@@ -33,7 +33,13 @@ from lrm_ident.report.plain_names import (
 from lrm_ident.report.story import BY_THE_TRACKER, ON_THE_ARM
 from lrm_ident.report.text.advice import hopeless_words, next_step, plan_options, provided_words
 from lrm_ident.report.text.claims import claim_sentence
-from lrm_ident.report.text.poses import limitation_sentence, paced_words, rows_in_order_of, where_measured
+from lrm_ident.report.text.poses import (
+    limitation_sentence,
+    paced_words,
+    rounding_words,
+    rows_in_order_of,
+    where_measured,
+)
 from lrm_ident.report.text.residuals import (
     A_LENGTH,
     BLACK_BOX,
@@ -45,6 +51,7 @@ from lrm_ident.report.text.residuals import (
 )
 from lrm_ident.report.text.variables import function_name, what_may_change
 from lrm_ident.residual.data_audit import LimitationKind, MeasuredAngles, where_it_holds
+from lrm_ident.residual.rounded_commands import rounded_commands
 from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
@@ -272,10 +279,22 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     if report.verdict.quiet and len(known := _has_already(report)) > IN_HEADLINE:
         yield "in the model", enumerate_effects(known, LISTED)
     yield "repair", _repair(report, attribution)
+    yield "rounding", _rounding(report)
     if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", where_measured(valid_where(report))
         yield "not tested", _not_tested(report)
+
+
+def _rounding(report: DiagnosisReport) -> str:
+    """That an error that nothing predicts is as large as the rounding of the angles would make it."""
+    found = report.diagnosis
+    if report.verdict not in (Verdict.UNPREDICTABLE, Verdict.NOISE_UNKNOWN):
+        return ""
+    rounded = rounded_commands(found.data.poses.q, found.joint_jacobian)
+    if rounded is None or not rounded.explains(report.held_out.rms, found.floor.rms or 0.0):
+        return ""
+    return rounding_words(np.degrees(rounded.step), rounded.tip)
 
 
 def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
@@ -345,9 +364,13 @@ def _deployed(report: DiagnosisReport) -> str:
     """The error as deployed, where it is another than in the session."""
     deployed, shown, first = report.deployed, report.held_out.rms, report.first
     if first is not None and first.deployed is not None:
-        before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
+        later = deployed.among_measured or first.deployed.among_measured
+        without = deployed.now if later or first.deployed_without is None else first.deployed_without
+        before, after = in_mm(without.rms), in_mm(first.deployed.now.rms)
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        return "" if same else f"{before} → {after} mm RMS {_where_expected(report)}"
+        fewer = None if later else first.deployed.fewer
+        part = "" if fewer is None else f"at the {fewer} poses where its state held, "
+        return "" if same else f"{before} → {after} mm RMS {part}{_where_expected(report)}"
     if deployed.among_measured is not None:
         among = f"{in_mm(deployed.among_measured.rms)} mm among the measured poses"
         return f"{in_mm(deployed.now.rms)} mm RMS at later poses ({among}), as the arm goes on changing"
@@ -453,14 +476,14 @@ def _looks_like(report: DiagnosisReport) -> str:
     """What explains most of an unexplained error, if enough to be worth a word: a free function, or a known effect that
     is not named since later poses speak against it."""
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
-    left = dict(found.ranking)
+    left = dict(report.functions)
     best = found.functions[0] if found.functions else next(iter(left), None)
     function_left = left.get(best, np.inf) if best is not None else np.inf
     known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
-    if known is not None and known.held_out_rms < function_left and _explains_part(known.held_out_rms, held_out):
+    if known is not None and known.held_out_rms < function_left and explains_part(known.held_out_rms, held_out):
         of = f"{with_id(known.name)}, which leaves ≈ {in_mm(known.held_out_rms)} mm here"
         return f"{of}. Not named, since it does not surely help at later poses"
-    if best is None or not _explains_part(function_left, held_out):
+    if best is None or not explains_part(function_left, held_out):
         return ""
     question = what_may_change(best)
     return f"{function_name(best)}, which leaves {in_mm(function_left)} mm{question and f'. {question}'}"
@@ -474,7 +497,8 @@ def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
             yield one
 
 
-def _explains_part(left: float, before: float) -> bool:
+def explains_part(left: float, before: float) -> bool:
+    """Whether an effect or a function that leaves one held-out RMS of another explains enough to be worth a word."""
     return 1.0 - (left / before) ** 2 >= PART
 
 

@@ -23,7 +23,7 @@ from lrm_ident.report.document import Block, Document, Facts, ResultTable, headi
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
-from lrm_ident.report.story import ANEW, Story
+from lrm_ident.report.story import ANEW, Story, at_poses
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
 from lrm_ident.report.text.reasons import no_law_words, reason_words
 from lrm_ident.report.text.residuals import WHY_OFF, doubtful_law_sentence, raised_sentence, scale_sentence
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
 TRACKERS_SCALE = "tracker's scale"
-STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair", "hidden at most", "valid")
+STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair", "rounding", "hidden at most", "valid")
 """Facts of the last diagnosis that stand below the course."""
 LAST = "all of the last diagnosis"
 
@@ -62,7 +62,8 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
             yield f"   –  {'nominal arm, before any fit':30s} {in_mm(nominal):>7s}  {BLOCK * BAR}{cut}"
     deployed = None if step.held_out is None else step.held_out.deployed
     on_the_arm = in_mm(held_out if deployed is None else deployed.now.rms)
-    there = "" if on_the_arm == in_mm(held_out) else f"  as deployed {on_the_arm}"
+    part = at_poses(None if deployed is None else deployed.fewer)
+    there = "" if on_the_arm == in_mm(held_out) else f"  as deployed {on_the_arm}{part}"
     begun = "start: fitted model" if step.name is None else f"start: {step.name}"
     yield f"{number:4d}  {step.added or begun:30s} {in_mm(held_out):>7s}  {bar}{there}"
     if step.name is not None and not step.added:

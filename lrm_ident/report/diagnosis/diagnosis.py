@@ -19,7 +19,14 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
-from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
+from lrm_ident.report.diagnosis.conclusion import (
+    UNKNOWN_FILES,
+    CommandNames,
+    Conclusion,
+    conclude,
+    explains_part,
+    valid_where,
+)
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.advice import advice_sentence, next_step
@@ -88,8 +95,7 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
             for function in found.unexplained.functions
         ],
         "anatomy": [
-            {**_place_and_variables(function), "held_out_rms_mm": rms * 1e3}
-            for function, rms in found.unexplained.ranking
+            {**_place_and_variables(function), "held_out_rms_mm": rms * 1e3} for function, rms in report.functions
         ],
         "outliers": found.outliers,
         "shifted": stated(found.shifted, shifted_sentence),
@@ -142,8 +148,7 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
         return term_of(attribution or Support.POSSIBLE_CAUSE, ())
     if advice.scored.implausible:
         return "implausible size"
-    share = 1.0 - (advice.scored.alone.rms / report.held_out.rms) ** 2
-    return "explains part of it" if share > PART else "explains little"
+    return "explains part of it" if explains_part(advice.held_out_rms, report.held_out.rms) else "explains little"
 
 
 def _details(report: DiagnosisReport) -> list[Block]:
@@ -170,8 +175,8 @@ def _details(report: DiagnosisReport) -> list[Block]:
             "compare such figures with one another only. Figures without it are errors of the TCP."
         )
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
-        ranking = found.unexplained.ranking
-        lines = (f"{function_name(function)} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
+        left = report.functions
+        lines = (f"{function_name(function)} would leave {in_mm(rms)} mm held out" for function, rms in left)
         blocks += section("\nStructure of the residuals: what it acts like, and what that depends on", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lrm_ident.data.wording import in_mm
 from lrm_ident.residual.data_audit import Limitation, LimitationKind, MeasuredAngles
 
 
@@ -31,6 +32,14 @@ def rows_in_order_of(one: Limitation, effects: str) -> str:
     return (
         f"the rows follow {joints} (correlation {one.numbers[0]:.2f}) and have no t_s, so errors of time and of "
         f"{joints} look alike. If the table was sorted, {effects} may be wrong: state t_s, or keep the order measured"
+    )
+
+
+def rounding_words(step_deg: float, tip: float) -> str:
+    """What angles in steps (deg) would cost the tip (m), if the servos got finer ones."""
+    return (
+        f"all joint angles are multiples of {step_deg:g} deg. If the servos got finer ones, that explains the error: "
+        f"it alone makes {in_mm(tip)} mm RMS. Write the angles as they were sent"
     )
 
 

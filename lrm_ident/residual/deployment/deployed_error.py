@@ -30,6 +30,7 @@ class DeployedError:
         time_unknown: where neither the time since power-on is known nor what the arm did before; None: nothing of the
             model follows them.
         state: what the deployed model keeps of its session; None: nothing.
+        fewer: number of poses that `now` is of, where those are not all; None: all.
         among_measured: where the arm goes on changing (`forecast_error`): as `now` was by a cross-validation, which
             interpolates in time. `now` is of later poses then.
     """
@@ -38,6 +39,7 @@ class DeployedError:
     otherwise: ErrorStats | None = None
     time_unknown: ErrorStats | None = None
     state: StateAfterSession | None = None
+    fewer: int | None = None
     among_measured: ErrorStats | None = None
 
     @classmethod
@@ -60,20 +62,24 @@ class DeployedError:
             restarted = _larger(error_stats(np.concatenate([unknown, left_out])), later.unknown)
         now = _larger(error.now, later.followed)
         among = None if now is error.now else error.now
-        return replace(error, now=now, state=model.state, time_unknown=restarted, among_measured=among)
+        fewer = error.fewer if among is None else later.poses
+        return replace(error, now=now, state=model.state, time_unknown=restarted, fewer=fewer, among_measured=among)
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:
         """The error of a residual (N, 3) in m, of which at some rows the deployed state held."""
         others = np.delete(residual, rows, axis=0)
-        return cls(error_stats(residual[rows]), error_stats(others) if len(others) else None)
+        if not len(others):
+            return cls(error_stats(residual[rows]))
+        return cls(error_stats(residual[rows]), error_stats(others), fewer=len(rows))
 
     def as_json(self) -> dict[str, object]:
         """The table `as_deployed`."""
         more = {
             "otherwise": self.otherwise, "time_unknown": self.time_unknown, "among_measured": self.among_measured,
         }  # fmt: skip
-        return {**self.now.as_json(), **{name: one.as_json() for name, one in more.items() if one is not None}}
+        part = {} if self.fewer is None else {"poses": self.fewer}
+        return {**self.now.as_json(), **part, **{name: one.as_json() for name, one in more.items() if one is not None}}
 
 
 def _larger(error: ErrorStats, later: ErrorStats | None) -> ErrorStats:

@@ -47,10 +47,12 @@ class ForecastError:
     predicted from all around; None: they are not.
 
     `followed`: where the time since power-on and what the arm did before are known. `unknown`: where neither is.
+    `poses`: number of the later ones.
     """
 
     followed: ErrorStats | None = None
     unknown: ErrorStats | None = None
+    poses: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,7 @@ def forecast_error(model: Model, data: Measurements, loss: Loss, prior: Prior | 
     return ForecastError(
         if_worse(forecast.followed, [each.followed for each in around]),
         if_worse(forecast.unknown, [each.unknown for each in around]),
+        len(later),
     )
 
 

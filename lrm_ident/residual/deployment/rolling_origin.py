@@ -33,7 +33,11 @@ SAME = 1e-3
 
 
 def allows_rolling_origin(data: Measurements) -> bool:
-    """Whether the poses have an order that follows no joint, and enough of them to forecast some from others."""
+    """Whether the poses have an order that follows no joint, and enough of them to forecast some from others.
+
+    An order that follows the load or the temperature does not confound. A load moves each pose by its own torques, not
+    as a zero that moves does, and plans measure load by load. The temperature goes on after the session as time does.
+    """
     enough = len(data) * (1.0 - FIRST_SHARE) >= FEWEST
     return enough and data.poses.number is not None and not joints_of_order(data.poses.q)
 

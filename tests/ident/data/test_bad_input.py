@@ -35,11 +35,12 @@ HEADER = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
 NUMBERS = np.arange(1, 61)
 ANGLES = np.stack([NUMBERS, 2 * NUMBERS % 90, -NUMBERS, 3 * NUMBERS % 90, -2 * NUMBERS % 90, NUMBERS % 50], axis=1)
 NOMINAL = nominal_tcp(load_arm("lrm-lab"), poses_of(np.radians(ANGLES))) * 1e3
+MEASURED = NOMINAL + np.random.default_rng(0).normal(0.0, 0.3, NOMINAL.shape)
 ROWS = [
     ",".join(map(str, [number, *angles, *(f"{value:.3f}" for value in position)]))
-    for number, angles, position in zip(NUMBERS, ANGLES.tolist(), NOMINAL, strict=True)
+    for number, angles, position in zip(NUMBERS, ANGLES.tolist(), MEASURED, strict=True)
 ]
-"""Sixty poses of the nominal arm."""
+"""Sixty poses of the nominal arm, as a tracker measures them."""
 LAB = (ROOT / "config" / "arms" / "lrm-lab.toml").read_text()
 
 

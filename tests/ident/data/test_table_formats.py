@@ -501,6 +501,54 @@ def test_all_cells_that_are_no_numbers_are_named_at_once(tmp_path: Path, lab: Ar
     assert "leave 3 rows out with --bad-rows skip" in str(caught.value)
 
 
+def test_a_load_that_some_rows_do_not_state_is_never_taken_as_none(tmp_path: Path, lab: Arm) -> None:
+    """An empty cell may be no load, or the load of the row above: only the person who measured knows."""
+    rows = example_rows()
+    column = rows[0].index("payload_g")
+    for number, row in enumerate(rows):
+        row[column] = "load [g]" if number == 0 else "200" if number < 10 else ""
+    with pytest.raises(FileError) as caught:
+        load_measurements(written(tmp_path / "data.csv", rows), lab)
+    said, empty = str(caught.value), len(rows) - 10
+    assert f"line 11, column load [g]: the cell is empty, as in {empty} of {len(rows) - 1} rows" in said
+    assert "write 0 where the tool carried nothing" in said
+    assert f"leave {empty} rows out with --bad-rows skip" in said
+
+
+def test_sessions_may_have_names(tmp_path: Path, lab: Arm) -> None:
+    """Before: the column was left out, and with it every step between two days."""
+    rows = example_rows()
+    if "session" in rows[0]:
+        rows = [[cell for name, cell in zip(rows[0], row, strict=True) if name != "session"] for row in rows]
+    for number, row in enumerate(rows):
+        row.append("session" if number == 0 else "Monday" if number < 10 else "after the fall")
+    data = load_measurements(written(tmp_path / "data.csv", rows), lab)
+    assert data.poses.session is not None
+    assert data.poses.session.tolist() == [1.0] * 9 + [2.0] * (len(rows) - 10)
+    assert "sessions are numbered: 1 = 'Monday', 2 = 'after the fall'" in data.source.notices
+
+
+def test_rows_of_one_number_and_the_same_angles_are_repetitions(tmp_path: Path, lab: Arm) -> None:
+    rows = example_rows()[:21]
+    again = [list(row) for row in rows[1:6]]
+    for row in again:
+        row[rows[0].index("x_mm")] = f"{float(row[rows[0].index('x_mm')]) + 0.1:.3f}"
+    data = load_measurements(written(tmp_path / "data.csv", [*rows, *again]), lab)
+    assert data.pose.tolist() == list(range(1, 26))
+    assert data.repeat_of.tolist() == [*range(1, 21), *range(1, 6)]
+    again[0][rows[0].index("q1_deg")] = "1.5"
+    with pytest.raises(FileError, match="already"):
+        load_measurements(written(tmp_path / "data.csv", [*rows, *again]), lab)
+
+
+def test_a_supply_voltage_that_some_rows_lack_refuses_no_file(tmp_path: Path, lab: Arm) -> None:
+    """No model uses it."""
+    rows = example_rows()
+    for number, row in enumerate(rows):
+        row.append("supply_v" if number == 0 else "" if number == 7 else "7.4")
+    assert len(load_measurements(written(tmp_path / "data.csv", rows), lab)) == len(rows) - 1
+
+
 @pytest.mark.long
 def test_rows_with_bad_cells_are_skipped_when_asked_and_by_the_next_command(tmp_path: Path, lab: Arm) -> None:
     path, _ = bad_rows(tmp_path / "data.csv")

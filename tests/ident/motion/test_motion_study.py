@@ -19,7 +19,7 @@ from lrm_ident.measuring.motion.motion_report import (
 )
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.moves import Moves, moves_of
-from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import FileError, LrmError
 from lrm_math.motion.effects import (
     MOTION_EFFECTS,
@@ -149,6 +149,16 @@ def test_a_model_comes_back_from_its_file(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("coulomb_friction@joint2", "friktion@joint2"))
     with pytest.raises(FileError, match=r"friktion.*one of|friktion"):
         load_motion(path)
+
+
+def test_a_file_names_its_arm_from_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Written from another folder than it is read in."""
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models" / "mine.toml").write_text(shipped_arms()["so101"].read_text())
+    monkeypatch.chdir(tmp_path)
+    write_motion(study("nothing"), "models/mine.toml", Path("models/motion.toml"))
+    monkeypatch.chdir(tmp_path / "models")
+    assert load_motion(Path("motion.toml"))[0].arm == "mine.toml"
 
 
 def test_what_cannot_be_told_is_refused_with_its_reason() -> None:

@@ -8,10 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.source import Source
+from lrm_ident.diagnosis.confirm import confirm
+from lrm_ident.fitting.held_out import deployed_residual
+from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
+from lrm_ident.residual.deployment.rolling_origin import allows_rolling_origin
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
@@ -34,10 +39,13 @@ def world(values: dict[str, float]) -> Model:
     return model_of(arm, [effects_at(arm, name)[0] for name in names], values)
 
 
-def measured(values: dict[str, float], *, numbered: bool = True) -> Measurements:
-    """Measurements of a world in random order over five hours, the last two thirds in a second session."""
+def measured(values: dict[str, float], *, numbered: bool = True, load: float = 0.0) -> Measurements:
+    """Measurements of a world in random order over five hours, the last two thirds in a second session.
+
+    `load`: kg, at the tool in the second half.
+    """
     rng, arm = np.random.default_rng(3), load_arm(ARM)
-    plain = poses_of(rng.uniform(-1.2, 1.2, (COUNT, arm.dof)))
+    plain = poses_of(rng.uniform(-1.2, 1.2, (COUNT, arm.dof)), np.where(np.arange(COUNT) < COUNT // 2, 0.0, load))
     pose, time = np.arange(1, COUNT + 1), 150.0 * np.arange(COUNT)
     session = 1.0 + (pose > COUNT // 3)
     poses = replace(plain, number=pose, t=time, session=session, running=time)
@@ -81,6 +89,15 @@ def test_sixty_poses_suffice_to_see_that_the_arm_stays_warm() -> None:
     state = fitted(data, DRIFT).model.state
     assert state is not None
     assert state.carried == {DRIFT: "last"}
+
+
+def test_the_arm_stays_warm_where_it_was_loaded_late() -> None:
+    """Loads are measured one after the other, as plans order them; unlike an angle, a load turns no joint's zero."""
+    data = measured({"drift.joint1.A_rad": 0.05}, load=0.1)
+    state = fitted(data, DRIFT).model.state
+    assert state is not None
+    assert state.carried == {DRIFT: "last"}
+    assert allows_rolling_origin(data)
 
 
 def test_both_errors_are_shown_and_apart() -> None:
@@ -226,3 +243,34 @@ def test_the_state_is_in_every_file_that_leaves(tmp_path: Path) -> None:
     assert DRIFT in said
     assert exported.read_text() == mjcf(deployed).text
     assert exported.read_text() != mjcf(replace(deployed, values=0.0 * deployed.values)).text
+
+
+def test_the_error_as_deployed_says_of_how_many_poses_it_is() -> None:
+    """It is of the warm poses alone: beside that of a step before, of all poses, it would show a fall of its own."""
+    plain, warm = (fitted(measured({"drift.joint1.A_rad": 0.05}), *names) for names in ((), (DRIFT,)))
+    deployed = warm.held_out.deployed
+    assert deployed is not None
+    assert deployed.otherwise is not None
+    held = len(rows_as_deployed(warm.model, warm.data.poses))
+    assert 0 < held < COUNT
+    assert (plain.file.history[-1].deployed_poses, warm.file.history[-1].deployed_poses) == (None, held)
+    assert deployed.as_json()["poses"] == held
+    story = story_of_file(warm.file)
+    assert story is not None
+    assert f"at {held} poses" in str(dict(story.facts)["as deployed"])
+
+
+def test_a_diagnosis_compares_the_deployed_models_at_equal_poses() -> None:
+    """Before: the error without a drift was of all poses, cold ones included, and that with it of the warm ones."""
+    study = fitted(measured({"drift.joint1.A_rad": 0.05}))
+    report = study.diagnose()
+    first = report.first
+    assert first is not None
+    assert first.fit is not None
+    assert first.deployed is not None
+    assert first.deployed_without is not None
+    rows = rows_as_deployed(first.fit.model, report.diagnosis.data.poses)
+    assert len(rows) < len(report.diagnosis.data)
+    blocks = confirm(report.diagnosis).blocks
+    assert first.deployed_without.rms == pytest.approx(error_stats(deployed_residual(blocks)[rows]).rms)
+    assert first.deployed_without.rms != pytest.approx(report.deployed.now.rms)

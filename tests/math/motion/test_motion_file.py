@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import FileError
 from lrm_math.motion.motion_model import load_motion
 from tests.support.motion_models import motion_text, swinging
 
 MASS = '"swing.joint2.mass_ratio" = 0.0\n'
-TEXT = motion_text(swinging(joint2=(4.0, 0.05)))
+ARM = "lrm-rover"
+TEXT = motion_text(swinging(ARM, joint2=(4.0, 0.05)))
 
 OLDER = (
     motion_text(swinging())
@@ -37,6 +39,18 @@ def test_a_swing_without_a_frequency_is_none(tmp_path: Path) -> None:
     path.write_text(TEXT.replace('"swing.joint2.frequency_Hz" = 4.0\n', ""))
     with pytest.raises(FileError, match=r"no value of swing\.joint2\.frequency_Hz"):
         load_motion(path)
+
+
+def test_the_arm_of_a_file_is_looked_up_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From whatever folder the command is given."""
+    folder, elsewhere = tmp_path / "models", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    (folder / "mine.toml").write_text(shipped_arms()[ARM].read_text())
+    path = folder / "motion.toml"
+    path.write_text(TEXT.replace(f'arm = "{ARM}"', 'arm = "mine.toml"'))
+    monkeypatch.chdir(elsewhere)
+    assert load_motion(path)[1].arm == load_arm(ARM)
 
 
 @pytest.mark.parametrize("other", ["inertial_coupling", "link_inertia"])

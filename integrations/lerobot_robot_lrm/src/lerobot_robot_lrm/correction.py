@@ -27,9 +27,8 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import deployed_part, of_a_session
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import arm_of, load_model
-from lrm_math.motion.motion_model import MotionFile, MotionModel, motion_of
-from lrm_math.toml_file import read_toml
+from lrm_math.model.model_file import load_model
+from lrm_math.motion.motion_model import MotionModel, load_motion
 
 REVERSAL = 2.0 * np.pi / 4096.0
 """rad, one step of a servo's encoder: joints whose error depends on their direction are not turned back by less."""
@@ -80,7 +79,7 @@ class Correction:
     ) -> Correction:
         """The correction by a model file, and the file of a model of motion, if any; see `of`. Raises `LrmError`."""
         found = cls.of(load_model(path), payload, keep)
-        return found.in_motion(_motion_of_file(Path(motion))) if motion else found
+        return found.in_motion(load_motion(Path(motion))[1]) if motion else found
 
     @classmethod
     def of(cls, fitted: Model, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
@@ -242,12 +241,6 @@ class Correction:
         """Slot amounts (n,), rad, of the drawn arm's joints at wished angles (n,), and its tool's frame (4, 4), m."""
         drawn = self.drawn.slots_at(wish)
         return drawn[self.drawn.joints], self.moved @ self.drawn.kernel.forward(drawn[None])[0][0]
-
-
-def _motion_of_file(path: Path) -> MotionModel:
-    """The model of motion of a file, whose arm is looked up as that of a model file. Raises `FileError`."""
-    file = read_toml(path, MotionFile)
-    return motion_of(path, file, arm_of(path, file.arm))
 
 
 def _base_frame(model: Model) -> Array:
