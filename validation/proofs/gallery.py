@@ -33,7 +33,7 @@ SEED, POSES = 1, 200
 HIDDEN = {
     "play2": "play in joint 2",
     "lag3": "friction of joint 3: where it stands depends on where it came from",
-    "gain1": "a servo of joint 1 that turns 2 % too far",
+    "gain1": "a servo of joint 1 that turns 2 % too little on one side of zero",
     "shaft2": "an eccentric shaft of joint 2",
     "coupled3-2": "a belt that turns joint 3 when joint 2 turns",
     "bending4": "a link that bends across",
