@@ -31,6 +31,11 @@ ServoSettings = dict[str, JointServoSettings]
 """Settings by the name of the joint."""
 
 
+def settings_tables(settings: ServoSettings) -> dict[str, dict[str, object]]:
+    """Settings as tables of a TOML file, without what is not known."""
+    return {joint: one.model_dump(exclude_none=True) for joint, one in settings.items()}
+
+
 def settings_difference(now: ServoSettings, then: ServoSettings) -> str:
     """Differences of the settings of joints that both know, in one line; empty if there are none."""
     found = []

@@ -14,6 +14,7 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import arm_of
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.effects import EffectRef
 from lrm_math.errors import FileError, UnknownName
 from lrm_math.motion.base import MotionEffect
@@ -96,12 +97,16 @@ class MotionStep(StrictSchema):
 
 
 class MotionFile(StrictSchema):
-    """Schema of a motion model's file; parameters by key, in the keys' units. `arm_sha256`: of the arm of the fit."""
+    """Schema of a motion model's file; parameters by key, in the keys' units. `arm_sha256`: of the arm of the fit.
+
+    `servos`: how they were set while they were recorded; None: not known.
+    """
 
     schema_: Literal["lrm/motion/2", "lrm/motion/1"] = Field(alias="schema")
     arm: str
     arm_sha256: str | None = None
     recording: str = ""
+    servos: ServoSettings | None = None
     effects: Annotated[list[str], Field(max_length=MOST_EFFECTS)]
     parameters: dict[str, float]
     sigma: dict[str, float] = {}

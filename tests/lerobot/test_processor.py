@@ -168,3 +168,15 @@ def test_a_robot_that_corrects_already_or_is_set_otherwise_is_refused(model: str
     with pytest.raises(LrmError, match=r"shoulder_pan: P gain 16, was 32; .*accept_settings=True"):
         make(robot, str(other))
     assert make(robot, str(other), accept_settings=True)
+
+
+def test_gains_of_the_motion_model_are_compared_too(model: str, motion: str, tmp_path: Path) -> None:
+    """A model of motion whose recording stated the gains; the model of poses states none."""
+    recorded = tmp_path / "motion.toml"
+    recorded.write_text(Path(motion).read_text() + "[servos.shoulder_pan]\np = 32\n")
+    make, robot = plug_in("pipelines").calibrated_processors, follower()
+    robot.bus.model_ctrl_table["sts3215"]["P_Coefficient"] = (21, 1)
+    robot.bus.read = Mock(return_value=16)  # type: ignore[attr-defined]
+    assert make(robot, model, motion=motion)
+    with pytest.raises(LrmError, match=r"not set as in .*motion\.toml.*shoulder_pan: P gain 16, was 32"):
+        make(robot, model, motion=str(recorded))

@@ -36,6 +36,7 @@ from lrm_ident.report.plain_names import WORDS
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.workbench.motion_page import motion_page
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.errors import UnknownName
 from lrm_math.model.reading import AS_NAMED
 from lrm_math.motion.effects import MOTION_EFFECTS
@@ -282,22 +283,25 @@ def play(
     With LeRobot or bare servos keep the way free; the arm first goes to the first pose in a straight line, and has to
     stand within 30 deg of it. Ctrl-C holds, and what was recorded is kept.
     """
-    from lrm_ident.measuring.campaign.move_player import keeps_rows, play, played_csv, sequence_of
+    from lrm_ident.measuring.campaign.move_player import keeps_rows, play, played_csv, played_toml, sequence_of
     from lrm_ident.measuring.campaign.real_clock import RealClock
     from lrm_ident.measuring.excitation.sequence import PlayedRow
 
     rows: list[PlayedRow] = []
+    settings: ServoSettings | None = None
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident motion play") as link:
         keeps_rows(output, link.daemon is not None)
         sequence = sequence_of(read_command_log(moves, link.arm, AS_NAMED))
         try:
             with resumable("What was played is kept"), link.drive(RealClock(), load_changer(None)) as driven:
+                settings = driven.settings
                 play(driven.arm, sequence, rows, show)
             if link.daemon is not None and link.daemon.unchecked:
                 notice(f"not checked for collisions: {link.daemon.unchecked}")
         finally:
             if output is not None and rows:
                 write_text(output, played_csv(rows))
+                write_text(output.with_suffix(".toml"), played_toml(settings))
                 show(f"{len(rows)} rows written to {output}", f"Next: lrm-ident motion fit {output} -o motion.toml")
 
 

@@ -19,6 +19,7 @@ from lrm_ident.measuring.sockets.board import RAISED, SocketBoard
 from lrm_ident.measuring.sockets.drill_plan import drill_plan
 from lrm_ident.measuring.sockets.solid import stl
 from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
+from lrm_math.arm.servo_settings import settings_tables
 from lrm_math.errors import FileError, LrmError
 
 BY_HAND_S = 30.0
@@ -138,13 +139,12 @@ def record(
     with limp_bus(robot, kind, described) as servos:
         log = TouchLog(output, described.dof)
         if not output.with_suffix(".toml").exists():
-            settings = {joint: one.model_dump(exclude_none=True) for joint, one in servos.settings().items()}
             about: dict[str, object] = {
                 "points": places or None,
                 "distances": None if known is None else known.distances,
             }
-            about["servos"] = settings
-            text = metadata_toml(arm_name_for(arm, output.parent), f"sockets record: {robot}", **about, servos=settings)
+            about["servos"] = settings_tables(servos.settings())
+            text = metadata_toml(arm_name_for(arm, output.parent), f"sockets record: {robot}", **about)
             write_text(output.with_suffix(".toml"), text)
         count = record_touches(servos, log, chosen, input, show, time.sleep)
     show(f"{count} touches recorded; {log.count} are in {output}.", f"Next: lrm-ident fit {output} -o model.toml")

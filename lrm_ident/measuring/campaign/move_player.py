@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 
 from lrm_ident.data.measurement_file.known_columns import ANGLE, FEEDBACK
 from lrm_ident.measuring.campaign.plan import PlannedPose
@@ -14,7 +15,8 @@ from lrm_ident.measuring.campaign.rover_arm import RoverArm
 from lrm_ident.measuring.campaign.run import CampaignArm
 from lrm_ident.measuring.campaign.servo_arm import ServoArm
 from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
-from lrm_ident.measuring.recordings.command_log import CommandLog
+from lrm_ident.measuring.recordings.command_log import LOG_SCHEMA, CommandLog
+from lrm_math.arm.servo_settings import ServoSettings, settings_tables
 from lrm_math.errors import FileError, LrmError
 
 SEEN_DEG = 0.05
@@ -78,6 +80,11 @@ def played_csv(rows: Sequence[PlayedRow]) -> str:
         angles = (f"{math.degrees(q):.4f}" for q in (*row.command, *row.seen))
         out.append(",".join([f"{row.t - rows[0].t:.5f}", *angles]))
     return "\n".join(out) + "\n"
+
+
+def played_toml(settings: ServoSettings | None) -> str:
+    """The file beside a recording: how the servos were set, where they tell it."""
+    return tomli_w.dumps({"schema": LOG_SCHEMA, **({"servos": settings_tables(settings)} if settings else {})})
 
 
 def keeps_rows(path: Path | None, by_daemon: bool) -> None:

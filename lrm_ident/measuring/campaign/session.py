@@ -36,7 +36,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFr
 from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.servo_settings import ServoSettings, require_same_settings
+from lrm_math.arm.servo_settings import ServoSettings, require_same_settings, settings_tables
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 
@@ -118,8 +118,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         }
         if file.head is not None and file.done and not order.accept:
             require_same_settings(driven.settings, file.head.servos, str(file.metadata), "--accept the mixture")
-        settings = {joint: one.model_dump(exclude_none=True) for joint, one in (driven.settings or {}).items()}
-        about["servos"] = settings or None
+        about["servos"] = settings_tables(driven.settings or {}) or None
         driven.arm.session = file.begin(driven.power_on(), first.t, order.arm_name, source, **about)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)

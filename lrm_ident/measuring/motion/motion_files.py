@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from lrm_ident.measuring.recordings.take import TipTrack
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import arm_name_for
+from lrm_math.arm.servo_settings import settings_tables
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -68,7 +69,7 @@ class MotionSource:
         if self.encoders is not None:
             return moves_of(log.beside(*joint_track(self.recording, arm, self.encoders)), arm, self.recording)
         if self.tip is None and (encoders := log.encoders()) is not None:
-            return moves_of(encoders, arm, self.recording)
+            return replace(moves_of(encoders, arm, self.recording), servos=log.servos)
         tip = self.tip or self.recording
         if tip.suffix != MCAP and self.tip is None:
             raise FileError(
@@ -119,6 +120,7 @@ def write_motion(study: MotionStudy, arm: str, path: Path) -> None:
         "arm": arm_name_for(arm, path.parent),
         "arm_sha256": arm_sha256(study.model.arm),
         "recording": study.moves.name,
+        **({} if study.moves.servos is None else {"servos": settings_tables(study.moves.servos)}),
         "effects": [effect.name for effect in study.model.effects],
         "parameters": {key: _rounded(study.model.values[key] / si) for key, si in units.items()},
         "sigma": {key: _rounded(study.model.sigma.get(key, 0.0) / si) for key, si in units.items()},

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lrm_ident.measuring.motion.joint_moves import JointMoves, predicted
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.motion.base import JointDrive
@@ -52,7 +53,7 @@ class Moves:
         told: (S, (T − 1) substeps, n), rad, commanded at every step of the simulation.
         counted: (S, T), frames whose readings count. episode: (S,). noise: (n,), standard deviation of a reading (rad).
         path: (S, T, n), rad, along which the loads are taken: where the arm is, as far as known without its readings.
-        name: of the recording. notices: what a person should know of it.
+        name: of the recording. notices: what a person should know of it. servos: how they were set, None: not known.
     """
 
     arm: Arm
@@ -66,6 +67,7 @@ class Moves:
     path: Array
     name: str
     notices: tuple[str, ...] = ()
+    servos: ServoSettings | None = None
 
     unit: ClassVar[Literal["deg", "mm"]] = "deg"
     """In which people read an error."""

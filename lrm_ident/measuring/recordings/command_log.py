@@ -17,11 +17,13 @@ from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import joint_track
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
 from lrm_math.toml_file import StrictSchema, read_toml
 
+LOG_SCHEMA = "lrm/command-log/1"
 GAP_S = 1.0
 GAPS = 1.5
 """Times the usual distance of rows beyond which nothing was recorded between them."""
@@ -30,22 +32,27 @@ SPARSE_S, FINEST_S = 0.1, 0.01
 
 
 class LogFile(StrictSchema):
-    """`NAME.toml` beside a log. `count_us`: of the board; its pulses are whole multiples."""
+    """`NAME.toml` beside a log. `count_us`: of the board; its pulses are whole multiples. `servos`: their settings."""
 
-    schema_: str = Field("lrm/command-log/1", alias="schema")
+    schema_: str = Field(LOG_SCHEMA, alias="schema")
     arm: str = ""
     count_us: float | None = Field(None, gt=0.0, le=100.0)
+    servos: ServoSettings | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class CommandLog:
-    """Commanded angles q (N, n), rad, at times t (N,), s; `count_s`: rounding of the pulses, 0 if not known."""
+    """Commanded angles q (N, n), rad, at times t (N,), s.
+
+    `count_s`: rounding of the pulses, 0 if not known. `servos`: how they were set, None if not known.
+    """
 
     path: Path
     arm: Arm
     t: Array
     q: Array
     count_s: float = 0.0
+    servos: ServoSettings | None = None
 
     def encoders(self) -> LeRobotFrames | None:
         """The rows as frames, where the file has what the encoders read (`q1_meas_deg, …`); gaps end an episode."""
@@ -95,10 +102,9 @@ def read_command_log(path: Path, arm: Arm, reading: Reading, topic: str | None =
     stated = table.column("t")
     if stated is None:
         raise FileError(path, "header", "missing column t_s", "t_s (s) and q1_deg, ... as lrm record writes them")
-    beside, count = path.with_suffix(".toml"), None
-    if beside.is_file():
-        count = read_toml(beside, LogFile).count_us
-    return _checked(CommandLog(path, arm, stated, poses.q, 0.0 if count is None else 1e-6 * count))
+    beside = path.with_suffix(".toml")
+    head = read_toml(beside, LogFile) if beside.is_file() else LogFile()
+    return _checked(CommandLog(path, arm, stated, poses.q, 1e-6 * (head.count_us or 0.0), head.servos))
 
 
 def _checked(log: CommandLog) -> CommandLog:

@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 from examples.so101.launch import simulated_so101
+from lrm_ident.measuring.recordings.command_log import read_command_log
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.model.reading import AS_NAMED
 from lrmd.sim.control_socket import query_board
 from tests.support.commands import run_command, stderr_of
 from tests.support.daemon.daemon_process import wait_for
@@ -59,6 +62,10 @@ def test_it_says_what_it_does_and_records_it(tmp_path: Path, kind: str) -> None:
     assert len(table) == len(T)
     assert table["q3_deg"] == pytest.approx(np.interp(T - 100.0, [0, 0.3, 1.3, 1.8, 2.8], [5, 5, 20, 20, 5]), abs=0.1)
     assert np.ptp(table["q3_meas_deg"]) > 12.0
+    log = read_command_log(recording, load_arm("so101"), AS_NAMED)
+    assert log.servos is not None
+    assert set(log.servos) == {joint.name for joint in log.arm.joints}
+    assert kind != "feetech" or log.servos["elbow_flex"].p, "a motion model holds for these gains"
 
 
 def test_what_it_refuses_is_one_line_and_moves_nothing(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ class CalibratedPair(WrappedRobot):
             (other,) = {*SIDES} - {config.base}
             found[other] = found[other].on_the_base_of(found[config.base])
         for side in SIDES:
-            own = SimpleNamespace(model=models[side], accept_settings=config.accept_settings)
+            own = SimpleNamespace(model=models[side], motion=motions[side], accept_settings=config.accept_settings)
             setattr(robot, f"{side}_arm", CalibratedRobot(own, getattr(robot, f"{side}_arm"), found[side]))
 
     def connect(self, calibrate: bool = True) -> None:

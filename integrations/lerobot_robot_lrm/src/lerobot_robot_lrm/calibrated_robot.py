@@ -48,7 +48,8 @@ class CalibratedRobot(WrappedRobot):
         try:
             self.robot.connect(calibrate)
             if not self.config.accept_settings:
-                require_servos_of(self.config.model, self.robot, self.correction.names, "--robot.accept_settings=true")
+                accept = "--robot.accept_settings=true"
+                require_servos_of(self.config.model, self.config.motion, self.robot, self.correction.names, accept)
         except LrmError:
             self.robot.disconnect()
             raise

@@ -32,7 +32,7 @@ def calibrated_processors(
     """`robot_action_processor` and `robot_observation_processor` of a connected robot, as `record_loop` takes them.
 
     Units are those of the robot, whose servos' late replies are dropped from now on. Raises `LrmError`: it corrects
-    already, is not connected, or its servos are set otherwise than those that the model was measured with, see
+    already, is not connected, or its servos are set otherwise than those that a model was measured with, see
     `accept_settings`.
     """
     if isinstance(robot, WrappedRobot):
@@ -43,7 +43,7 @@ def calibrated_processors(
     action = CalibratedAction(model, payload_g, keep, motion=motion)
     action.arm.check_names(robot.action_features, robot.name)
     if not accept_settings:
-        require_servos_of(model, robot, action.arm.correction.names, "accept_settings=True")
+        require_servos_of(model, motion, robot, action.arm.correction.names, "accept_settings=True")
     halves = np.degrees(100.0 * radians_per_unit(robot, action.arm.correction.names))
     names = action.arm.correction.names
     ranges = {name: float(half) for name, half in zip(names, halves, strict=True) if abs(half - 100.0) > 1e-9}
