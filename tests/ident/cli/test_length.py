@@ -115,7 +115,7 @@ def test_the_output_fits_a_terminal(command: str) -> None:
     assert_fits(stdout_of(*shlex.split(command)))
 
 
-ADVISED = re.compile(r"(?:^Next: |^  (?:or|now): |Then: |Next: )(lrm-ident .*)$", re.M)
+ADVISED = re.compile(r"(?:^Next: |^  [a-z][a-zA-Z ,]*: |Then: |Next: )(lrm-ident .*)$", re.M)
 
 
 @pytest.mark.slow
