@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
 from lrm_ident.design.candidate_poses import ClearanceRules, floor_above_table, random_poses
-from lrm_ident.design.discrimination import rival_columns
-from lrm_ident.design.expected_lead import CandidateCause, CausePair, as_measured, expected
+from lrm_ident.design.expected_lead import CandidateCause, CausePair, as_measured, cause_columns, expected
 from lrm_ident.design.pose_design import (
     CandidateSet,
     DesignProblem,
@@ -29,6 +29,7 @@ from lrm_ident.diagnosis.screening.candidates import unfitted_rows
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
@@ -119,23 +120,28 @@ def advise(
 def advise_beside(model: Model, present: Effect, rivals: Sequence[Effect], measured: Poses, noise: float) -> Advice:
     """The advice on an effect that the model has, and others that fitted as well in its place.
 
-    Each of the others is as large as it has to be to move the tip most like it (least squares). `noise`: m per axis.
+    Each of the others has the shape and the size at which it moves the tip most like it, beside what the other
+    parameters make up for (least squares). `noise`: m per axis.
     """
     without = model.with_free([key for key in model.free if key not in present.keys])
     values = dict(zip(present.parameters, map(model.value, present.keys), strict=True))
     shape = tuple(0.0 if parameter.fixed is None else value for parameter, value in values.items())
     size = np.array([value / parameter.typical for parameter, value in values.items() if parameter.fixed is None])
-    own, *others = (
-        columns.reshape(-1, columns.shape[2])
-        for columns in rival_columns(without, measured, (present, *rivals), without.free)
-    )
-    sizes = [size, *(np.linalg.lstsq(columns, own @ size, rcond=None)[0] for columns in others)]
-    shapes = [shape, *(None for _ in rivals)]
-    causes = [
-        CandidateCause(effect, unfitted_rows(effect, without.free), each, known)
-        for effect, each, known in zip((present, *rivals), sizes, shapes, strict=True)
+    found = CandidateCause(present, unfitted_rows(present, without.free), size, shape)
+    alike = [CandidateCause.typical(effect, without.free) for effect in rivals]
+    known = cause_columns(without, [found, *alike], [measured], noise)
+    motion = known.left(known.columns[0][0] @ size[:, None])[:, 0]
+    fitted = [
+        min((_like(motion, known.left(one)) for one in shapes), key=itemgetter(1)) for shapes in known.columns[1:]
     ]
-    return advise(without, causes, measured, noise)
+    sized = [replace(cause, size=theta) for cause, (theta, _) in zip(alike, fitted, strict=True)]
+    return advise(without, (found, *sized), measured, noise)
+
+
+def _like(motion: Array, columns: Array) -> tuple[Array, float]:
+    """Sizes of columns (R, m) that come nearest to a motion (R,), and the square of what they leave."""
+    theta: Array = np.linalg.lstsq(columns, motion, rcond=None)[0].astype(np.float64)
+    return theta, float(np.sum((motion - columns @ theta) ** 2))
 
 
 def next_poses(

@@ -22,6 +22,7 @@ from tests.doors.laws import (
 )
 from tests.doors.registry import door_kinds
 from validation.options import Count, asked
+from validation.runner import NO_CASE, refuse
 
 
 def main() -> int:
@@ -33,11 +34,14 @@ def main() -> int:
         abreast=(0, "at most so many side by side of a door that takes real time; 0: as many as it can"),
         door=("", "one door alone"),
     )
+    kinds = [kind for kind in door_kinds() if chosen.door in kind.name]
+    if not kinds:
+        refuse(NO_CASE)
     broken = 0
     print("| door | still after a stop: median | worst (s) | after lost contact: median | worst (s)", end="")
     print(" | turn at torque on: median | worst (deg) |")
     print("|---|---|---|---|---|---|---|")
-    for kind in (kind for kind in door_kinds() if chosen.door in kind.name):
+    for kind in kinds:
         columns = []
         for law, scale in (
             (nothing_moves_after_a_stop, 1.0),

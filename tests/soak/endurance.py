@@ -25,6 +25,7 @@ from lrmd.messages.codec import Message
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, RelaxRequest, ResetRequest
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 from validation.options import asked
+from validation.runner import refuse
 
 SECOND = 1_000_000_000
 RENEW = 20
@@ -183,6 +184,8 @@ def run_endurance(hours: float, seed: int, report: Callable[[str], None]) -> End
 def main() -> int:
     """Prints the counts; exit code 1 if an invariant was broken or a frame was bad."""
     options = asked(__doc__, hours=(24.0, "simulated"), seed=0)
+    if not options.hours > 0.0:
+        refuse("--hours should be above 0")
     try:
         run = run_endurance(options.hours, options.seed, lambda line: print(line, flush=True))
     except AssertionError as error:

@@ -315,9 +315,12 @@ def _numbered_through(table: NumberTable) -> NumberTable:
     )
 
 
-def _with_repetitions(table: NumberTable) -> NumberTable:
+def _with_numbers_of_rows(table: NumberTable) -> NumberTable:
     """The table with the rows numbered 1, 2, 3 …, with a notice, where rows of one number and the same commanded angles
-    have other positions: they are repetitions, though nothing says so."""
+    have other positions.
+
+    They are not taken as repetitions: another load, session or side of approach may make the difference.
+    """
     number, q = table["pose"][:, 0], table["angles"]
     first = np.unique(number, return_index=True)[1][np.unique(number, return_inverse=True)[1].reshape(-1)]
     again = first != np.arange(len(table))
@@ -326,12 +329,11 @@ def _with_repetitions(table: NumberTable) -> NumberTable:
     if (table["position"] == table["position"][first])[again].all(axis=1).any():  # copies
         return table
     notice = (
-        f"{int(again.sum())} rows have the number and the angles of an earlier one: they are taken as its "
-        f"repetitions, and the rows as poses 1 to {len(table)}"
+        f"{int(again.sum())} rows have the number and the angles of an earlier one: the rows are taken as poses 1 to "
+        f"{len(table)}. Where one only repeats another, name that one in the column repeat_of: it tells the noise"
     )
-    every = np.arange(1.0, len(table) + 1.0)
-    numbered = {"pose": every[:, None], "repeat_of": every[first, None]}
     cells = replace(table.cells, notices=(*table.cells.notices, notice))
+    numbered = {"pose": np.arange(1.0, len(table) + 1.0)[:, None]}
     return replace(table, cells=cells, quantities={**table.quantities, **numbered})
 
 
@@ -340,7 +342,7 @@ def checked_rows(table: NumberTable) -> NumberTable:
 
     Raises `FileError`: a number that stands twice, a repetition of no pose, or a row without position and distance.
     """
-    table = _with_repetitions(_numbered_through(table))
+    table = _with_numbers_of_rows(_numbered_through(table))
     cells, pose, first = table.cells, table.integers("pose"), dict[int, int]()
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:

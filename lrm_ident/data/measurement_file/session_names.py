@@ -23,7 +23,8 @@ def with_numbered_sessions(cells: CsvTable) -> CsvTable:
     at = cells.header.index(SESSION)
     words = [row[at].strip() for row in cells.rows]
     names = {word: str(number) for number, word in enumerate(dict.fromkeys(filter(None, words)), start=1)}
-    if any(map(is_number, names)) or not 1 < len(names) <= LARGEST_SHARE * len(words):
+    some_empty = len(names) == 1 and not all(words)
+    if any(map(is_number, names)) or not (some_empty or 1 < len(names) <= LARGEST_SHARE * len(words)):
         return cells
     rows = tuple((*row[:at], names.get(word, ""), *row[at + 1 :]) for row, word in zip(cells.rows, words, strict=True))
     listed = enumerate_words([f"{number} = '{word}'" for word, number in names.items()], LISTED)

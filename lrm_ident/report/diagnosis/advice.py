@@ -14,7 +14,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_math.effects import Effect, effects_at, variants
+from lrm_math.effects import Effect, variants
 
 MOST_CAUSES = 4
 """That poses are sought for, the best first."""
@@ -26,21 +26,23 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     """Candidate causes (`effect@place`) that poses to be measured could distinguish; the effect to add is the first, or
     the first of the model that may be another one."""
     first, attribution = report.first, attribution_of(report)
+    effects = _effects_of(report)
     if first is None or attribution is None:
-        name = next(iter(unsure_of(report)), "") if report.verdict.quiet else ""
-        present = {one: effect_of(report, one) for one in ((name, *report.indistinguishable[name]) if name else ())}
-        remembers = any(effect.remembers for effect in present.values())
-        return [one for one, effect in present.items() if remembers or _by_poses(effect)][:MOST_CAUSES]
-    effects = {one.name: one.effect for one in report.ranking}
+        name, others = next(iter(unsure_of(report).items()), ("", ())) if report.verdict.quiet else ("", ())
+        names = [one for one in (name, *others) if one in effects]
+        remembers = any(effects[one].remembers for one in names)
+        found = [one for one in names if remembers or _by_poses(effects[one])][:MOST_CAUSES]
+        return found if found[:1] == [name] else ()
     stands_for = variants(first.effect) if attribution == Support.DESCRIPTION else (first.name,)
-    found = dict.fromkeys((*stands_for, *first.equivalent))
-    return [name for name in found if name in effects and _by_poses(effects[name])][:MOST_CAUSES]
+    named = dict.fromkeys((*stands_for, *first.equivalent))
+    return [name for name in named if name in effects and _by_poses(effects[name])][:MOST_CAUSES]
 
 
 def unsure_of(report: DiagnosisReport) -> Mapping[str, Sequence[str]]:
-    """Effects of the model that may be another one, and which."""
+    """Effects of the model that may be another one, which it has not, and which."""
     present = {effect.name for effect in report.diagnosis.fit.model.effects}
-    return {name: others for name, others in report.indistinguishable.items() if others and name in present}
+    absent = {name: [one for one in others if one not in present] for name, others in report.indistinguishable.items()}
+    return {name: others for name, others in absent.items() if others and name in present}
 
 
 def _by_poses(effect: Effect) -> bool:
@@ -48,10 +50,10 @@ def _by_poses(effect: Effect) -> bool:
     return effect.remembers or BY_ORDER.isdisjoint(effect.depends_on)
 
 
-def effect_of(report: DiagnosisReport, name: str) -> Effect:
-    """An effect of the model, or of the catalogue at the place that the name says."""
-    model = report.diagnosis.fit.model
-    return next((one for one in model.effects if one.name == name), None) or effects_at(model.arm, name)[0]
+def _effects_of(report: DiagnosisReport) -> dict[str, Effect]:
+    """The effects that were screened or are in the model, by their names."""
+    screened = {one.name: one.candidate.effect for one in report.diagnosis.scored}
+    return screened | {effect.name: effect for effect in report.diagnosis.fit.model.effects}
 
 
 @lru_cache(maxsize=1)
@@ -63,7 +65,7 @@ def advice_of(report: DiagnosisReport) -> Advice | None:
     diagnosis = report.diagnosis
     measured, first = diagnosis.screening.subset[1].poses, report.first
     if first is None:
-        present, *rivals = (effect_of(report, name) for name in names)
+        present, *rivals = (_effects_of(report)[name] for name in names)
         return advise_beside(diagnosis.fit.model, present, rivals, measured, _noise(diagnosis, diagnosis.fit))
     scored = {one.name: one.scored for one in report.ranking}
     to_explain = float(np.linalg.norm(first.scored.added))

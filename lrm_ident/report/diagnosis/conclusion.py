@@ -231,8 +231,9 @@ def _quiet_headline(report: DiagnosisReport) -> str:
     if not known:
         return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[report.verdict]
     named = enumerate_effects(known, IN_HEADLINE)
-    them = "it" if len(known) == 1 else "them"
-    other = f", or another cause that these poses cannot distinguish from {them}" if unsure_of(report) else ""
+    unsure = list(unsure_of(report))
+    it = "it" if len(known) == 1 else "them" if len(unsure) == len(known) else enumerate_effects(unsure, IN_HEADLINE)
+    other = f", or another cause that these poses cannot distinguish from {it}" if unsure else ""
     all_corrected = all(compensable(effect) or effect.remembers for effect in _has_already(report).values())
     return f"Found: {named}{other}, now {'corrected' if all_corrected else 'in the model'}{left}"
 
@@ -317,7 +318,9 @@ def _repair(report: DiagnosisReport, attribution: Support | None) -> str:
 
 def _repair_of_either(names: Sequence[str]) -> str:
     """What to do with one's hands about each of several causes, of which one is there."""
-    repairs = ((plain_name(name), words_of(name, "repair").format(place=place_in_words(name))) for name in names)
+    repairs = (
+        (plain_name(name), words_of(name, "repair").format(place=place_in_words(name))) for name in names[:LISTED]
+    )
     either = "; ".join(f"if {name}: {repair}" for name, repair in repairs if repair)
     return f"not yet known which: {either}" if either else NOT_YET
 
@@ -364,17 +367,19 @@ def _deployed(report: DiagnosisReport) -> str:
     """The error as deployed, where it is another than in the session."""
     deployed, shown, first = report.deployed, report.held_out.rms, report.first
     if first is not None and first.deployed is not None:
-        later = deployed.among_measured or first.deployed.among_measured
-        without = deployed.now if later or first.deployed_without is None else first.deployed_without
-        before, after = in_mm(without.rms), in_mm(first.deployed.now.rms)
+        after, fewer = in_mm(first.deployed.now.rms), first.deployed.fewer
+        if first.deployed.among_measured is not None:
+            return f"{after} mm RMS with it at later poses, as the arm goes on changing"
+        if deployed.among_measured is not None:
+            return f"{after} mm RMS with it, {_where_expected(report)}"
+        before = in_mm((first.deployed_without or deployed.now).rms)
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        fewer = None if later else first.deployed.fewer
         part = "" if fewer is None else f"at the {fewer} poses where its state held, "
         return "" if same else f"{before} → {after} mm RMS {part}{_where_expected(report)}"
     if deployed.among_measured is not None:
         among = f"{in_mm(deployed.among_measured.rms)} mm among the measured poses"
         return f"{in_mm(deployed.now.rms)} mm RMS at later poses ({among}), as the arm goes on changing"
-    size = f"{in_mm(deployed.now.rms)} mm RMS, at most {in_mm(deployed.now.max)} mm{_without_noise(report)}"
+    size = f"{in_mm(deployed.now.rms)} mm RMS, largest {in_mm(deployed.now.max)} mm{_without_noise(report)}"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return size
     earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"
@@ -384,12 +389,13 @@ def _deployed(report: DiagnosisReport) -> str:
 def _without_noise(report: DiagnosisReport) -> str:
     """How much of the error as deployed is the arm's own, where the noise is known."""
     diagnosis, error = report.diagnosis, report.deployed.now.rms
-    bounds = diagnosis.floor.error_without(error, len(diagnosis.data))
+    bounds = diagnosis.floor.error_without(error, report.deployed.fewer or len(diagnosis.data))
     if bounds is None or diagnosis.floor.rms is None or diagnosis.data.several_kinds:
         return ""
     if bounds[0]:
-        return f"; without the noise ≈ {in_mm(float(np.sqrt(error**2 - diagnosis.floor.rms**2)))} mm"
-    return f"; without the noise at most {in_mm(bounds[1])} mm RMS (95 %)" if bounds[1] else ""
+        own = float(np.sqrt(error**2 - diagnosis.floor.rms**2))
+        return f"; arm and fit without the noise ≈ {in_mm(own)} mm"
+    return f"; arm and fit without the noise ≤ {in_mm(bounds[1])} mm (95 %)" if bounds[1] else ""
 
 
 def _where_expected(report: DiagnosisReport) -> str:
@@ -459,9 +465,9 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     ]
     if not others:
         return "no other known cause explains any of it"
-    least = min(one.scored.alone.rms for one in others)
+    least = min(one.held_out_rms for one in others)
     curves = (one for one in report.ranking if one is not first and one.effect.is_free_form)
-    if any(one.scored.alone.rms < least for one in curves):
+    if any(one.held_out_rms < least for one in curves):
         return f"other causes leave ≈ {in_mm(least)} mm or more, splines less"
     return f"every other known cause leaves ≈ {in_mm(least)} mm or more"
 

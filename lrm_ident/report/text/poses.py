@@ -38,8 +38,8 @@ def rows_in_order_of(one: Limitation, effects: str) -> str:
 def rounding_words(step_deg: float, tip: float) -> str:
     """What angles in steps (deg) would cost the tip (m), if the servos got finer ones."""
     return (
-        f"all joint angles are multiples of {step_deg:g} deg. If the servos got finer ones, that explains the error: "
-        f"it alone makes {in_mm(tip)} mm RMS. Write the angles as they were sent"
+        f"all joint angles lie multiples of {step_deg:g} deg apart. If the servos got finer ones, that explains the "
+        f"error: it alone makes {in_mm(tip)} mm RMS. Write the angles as they were sent"
     )
 
 

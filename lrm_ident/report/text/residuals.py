@@ -125,12 +125,15 @@ def scale_sentence(scale: ScaleUncertainty | None) -> str:
 
 
 def raised_sentence(before: DeployedError, after: DeployedError) -> str:
-    """By how much a model errs more on the arm than an earlier one, held out; empty where it does not.
+    """By how much a model errs more on the arm than an earlier one, held out; empty where it does not, or where the two
+    errors are not of all poses both.
 
     After a restart the daemon knows neither the time since power-on nor the earlier moves, and keeps the state alone.
     """
+    if before.fewer is not None or after.fewer is not None:
+        return ""
     if more := _more(before.now, after.now):
-        return f"{more} as deployed. lrm-ident undo takes the last step back."
+        return f"{more} as deployed"
     restarted = after.time_unknown or after.now
     if more := _more(before.time_unknown or before.now, restarted):
         unknown = "earlier moves" if after.state is not None and after.state.memory else "time since power-on"

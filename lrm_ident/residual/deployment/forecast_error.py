@@ -37,6 +37,8 @@ from lrm_math.model.model import Model
 
 MOST_POSES = 1000
 """Poses that are fitted, evenly spread: a bound on time."""
+SAME_KG = 1e-3
+"""kg by which loads differ that are one: as a scale reads."""
 SURELY = NormalDist().inv_cdf(1.0 - NOT_NOISE)
 """Standard errors by which a forecast must be worse: the level of the verdict that it contradicts."""
 
@@ -85,12 +87,15 @@ class _Prediction:
 
 def forecast_error(model: Model, data: Measurements, loss: Loss, prior: Prior | None) -> ForecastError:
     """The error of later poses of a model that was fitted to these data; empty where the arm does not go on changing,
-    or the data cannot tell: few poses, an order that is not known or follows a joint, or a residual field, which is
-    learned apart."""
+    or the data cannot tell: few poses, an order that is not known or follows a joint, later loads beyond the earlier
+    ones, or a residual field, which is learned apart."""
     data = data.take(spaced_rows(len(data), MOST_POSES)) if len(data) > MOST_POSES else data
     data = data.take(np.isfinite(data.tcp).all(axis=1)).borne_by(model)
     begin, rows = _origin(model, data), np.arange(len(data))
     if not model.free or field_of(model) or not allows_rolling_origin(data) or len(data) - begin < FEWEST:
+        return ForecastError()
+    before, after = np.split(data.poses.payload, [begin])
+    if after.max() > before.max(initial=0.0) + SAME_KG or after.min() < before.min(initial=np.inf) - SAME_KG:
         return ForecastError()
     try:
         forecast = _predicted(model, data, rows < begin, loss, prior)

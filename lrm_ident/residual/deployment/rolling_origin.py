@@ -35,8 +35,9 @@ SAME = 1e-3
 def allows_rolling_origin(data: Measurements) -> bool:
     """Whether the poses have an order that follows no joint, and enough of them to forecast some from others.
 
-    An order that follows the load or the temperature does not confound. A load moves each pose by its own torques, not
-    as a zero that moves does, and plans measure load by load. The temperature goes on after the session as time does.
+    Orders that follow the load are let through, since plans measure load by load, and both models that are compared
+    extrapolate to it alike. A forecast that is compared with none (`forecast_error`) asks for loads that it has seen.
+    The temperature goes on after the session as time does.
     """
     enough = len(data) * (1.0 - FIRST_SHARE) >= FEWEST
     return enough and data.poses.number is not None and not joints_of_order(data.poses.q)

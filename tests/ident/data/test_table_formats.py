@@ -528,14 +528,14 @@ def test_sessions_may_have_names(tmp_path: Path, lab: Arm) -> None:
     assert "sessions are numbered: 1 = 'Monday', 2 = 'after the fall'" in data.source.notices
 
 
-def test_rows_of_one_number_and_the_same_angles_are_repetitions(tmp_path: Path, lab: Arm) -> None:
+def test_rows_of_one_number_and_the_same_angles_are_numbered_anew(tmp_path: Path, lab: Arm) -> None:
     rows = example_rows()[:21]
     again = [list(row) for row in rows[1:6]]
     for row in again:
         row[rows[0].index("x_mm")] = f"{float(row[rows[0].index('x_mm')]) + 0.1:.3f}"
     data = load_measurements(written(tmp_path / "data.csv", [*rows, *again]), lab)
     assert data.pose.tolist() == list(range(1, 26))
-    assert data.repeat_of.tolist() == [*range(1, 21), *range(1, 6)]
+    assert data.repeat_of.tolist() == data.pose.tolist(), "another load or side may make the difference, not noise"
     again[0][rows[0].index("q1_deg")] = "1.5"
     with pytest.raises(FileError, match="already"):
         load_measurements(written(tmp_path / "data.csv", [*rows, *again]), lab)

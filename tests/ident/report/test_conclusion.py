@@ -108,6 +108,20 @@ def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> Non
     assert "cables at joint 2" in facts["repair"], "what to do in either case"
 
 
+@pytest.mark.parametrize("rival", ["sway@joint2", "eccentricity@joint9", "offsets", "drift@joint2"])
+def test_a_rival_that_poses_cannot_tell_of_stops_no_verdict(better_study: Study, rival: str) -> None:
+    """An effect of one's own, a place that there is not, one that the model has, one that follows time alone."""
+    found = conclude(replace(better_study.diagnose(), indistinguishable={"backlash@joint2": (rival,)}))
+    assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
+
+
+def test_a_rival_that_was_added_since_is_none(better_study: Study) -> None:
+    report = better_study.diagnose()
+    spring = next(effect.name for effect in report.diagnosis.fit.model.effects if effect.id == "compliance")
+    found = conclude(replace(report, indistinguishable={"backlash@joint2": (spring,)}))
+    assert found.headline.startswith("Found: backlash in joint 2, now corrected")
+
+
 def test_beside_a_cause_of_the_model_nothing_is_said_of_that_one(better_study: Study) -> None:
     """Before: *Identified cause: backlash* was followed by *No cause identified*."""
     left = replace(better_study.diagnose(), verdict=Verdict.UNPREDICTABLE)

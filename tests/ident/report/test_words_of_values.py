@@ -187,8 +187,9 @@ def test_auto_says_where_the_arm_gets_a_worse_model() -> None:
     told = "3.00 mm RMS, before auto 2.00 mm, after a restart of lrmd, which then does not know the earlier moves"
     assert raised_sentence(started, remembers) == told
     assert raised_sentence(started, DeployedError(SHOWN, time_unknown=MORE)).endswith("time since power-on")
-    assert raised_sentence(started, DeployedError(MORE)).startswith("3.00 mm RMS, before auto 2.00 mm, as deployed.")
+    assert raised_sentence(started, DeployedError(MORE)) == "3.00 mm RMS, before auto 2.00 mm, as deployed"
     assert not raised_sentence(DeployedError(MORE), DeployedError(SHOWN, time_unknown=MORE))
+    assert not raised_sentence(started, DeployedError(MORE, fewer=113)), "of other poses"
 
 
 @pytest.mark.parametrize(("effect", "said"), [("drift@joint2", True), ("measurement_frame@frame", False)])
