@@ -35,7 +35,7 @@ from validation.options import Count, asked
 from validation.real_data.__main__ import SOURCES
 from validation.real_data.grids import GridSource
 from validation.real_data.sources import NotReachable
-from validation.runner import run_cases
+from validation.runner import ResultsFile, run_cases
 from validation.tables import spread, table
 
 DRAWN = {
@@ -263,6 +263,7 @@ def main() -> None:
         rig=(None, "measurements of the rig"),
         mirror=(None, "folder with OWNER/NAME/PATH of the public grids, in place of the network"),
         keep=(None, "folder for the measurements with the effects"),
+        out=(None, "JSON of the results; a later run goes on with it"),
         seeds=Count(22),
         first=(0, "first seed"),
         only=("", "data sets whose name contains this"),
@@ -270,8 +271,9 @@ def main() -> None:
     warnings.simplefilter("ignore")  # an arm without masses, and an arm that is named by its file
     arms = dict(real_arms(options.rig, options.mirror, options.only))
     seeds = range(options.first, options.first + options.seeds)
-    cases = {f"{name}-{seed}": (name, seed) for name in arms for seed in seeds}
-    found = run_cases(cases, partial(examine, arms, options.keep), line)
+    cases = {f"{name}-{seed}": (name, seed) for seed in seeds for name in arms}
+    file = ResultsFile(options.out, Found, "lrm/implanted/1") if options.out else None
+    found = run_cases(cases, partial(examine, arms, options.keep), line, file=file)
     print(table("data", {name: [found[f"{name}-{seed}"] for seed in seeds] for name in arms}, COLUMNS))
 
 
