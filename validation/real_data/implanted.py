@@ -1,8 +1,7 @@
 """`python -m validation.real_data.implanted --rig measurements.csv`: an effect of known size in real measurements.
 
 To each measured position is added what the effect moves the tip of the fitted arm, 2 to 6 times the RMS error of that
-fit. So the error of a real arm stays beside the effect. Joint, signs and size are drawn; sizes that no arm has and
-effects that the arm's own run of `auto` adds are not. `--keep` leaves the files, for another version of the tool.
+fit. So the error of a real arm stays beside the effect. `--keep` leaves the files, for another version of the tool.
 """
 
 from __future__ import annotations
@@ -20,57 +19,22 @@ import numpy as np
 import lrm_ident as lrm
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
-from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.residual.better_prediction import vuong_z
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, effects_at
-from lrm_math.errors import NoEquilibrium
-from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.intervals import TWO_SIDED_95
 from validation.options import Count, asked
 from validation.real_data.__main__ import SOURCES
 from validation.real_data.grids import GridSource
+from validation.real_data.implant import RealArm, drawn
 from validation.real_data.sources import NotReachable
 from validation.runner import ResultsFile, run_cases
 from validation.tables import spread, table
 
-DRAWN = {
-    "backlash": "b_rad", "nonlinear_stiffness": "", "servo_gain": "", "eccentricity": "", "change_point": "before_rad",
-    "hysteresis": "", "gear_ripple": "", "coupling": "", "drift": "A_rad", "mass": "mass_g", "lateral_compliance": "",
-}  # fmt: skip
-"""Effects, and the parameter that is drawn where it is one alone; else all that a fit estimates."""
-LEAST, MOST = 2.0, 6.0
-"""RMS motion over the RMS error of the plain fit."""
 ABSORBED_Z = 2.0
 NOT_FOUND = ("a free curve of it", "vanished")
 REACHED = ("identified cause", "indistinguishable cause", "candidate cause", "empirical term", *NOT_FOUND)
-
-
-@dataclass(frozen=True, eq=False)
-class RealArm:
-    """Measurements, the plain fit, and what `auto` makes of them. `name`: of the arm, or the path of its file."""
-
-    name: str
-    data: Measurements
-    fitted: lrm.Study
-    after: lrm.Study
-    own: tuple[str, ...]
-
-    @property
-    def fit_rms(self) -> float:
-        """RMS error of the plain fit (m)."""
-        return error_stats(self.data.tcp - solve_equilibrium(self.fitted.model, self.data.poses).tcp).rms
-
-    @classmethod
-    def of(cls, name: str, data: Measurements) -> RealArm:
-        """An arm without a further effect."""
-        fitted = lrm.Study.of(data).fit()
-        run, after = fitted.auto()
-        return cls(name, data, fitted, after, tuple(step.added for step in run.steps if step.added))
 
 
 @dataclass(frozen=True)
@@ -78,11 +42,10 @@ class Found:
     """What `auto` names where an effect is there.
 
     Attributes:
-        effect: what was put in. size: RMS motion over the RMS error of the plain fit. raised: held-out RMS of the plain
-            fit over that without the effect. steps: each step's effect and
-            its class. forms: of what each is another form. terms: what each is called. ratio: held-out RMS over that
-            of `auto` without the effect. z: (estimate − truth) / standard error. absorbed: by the plain fit; nothing
-            else is known then.
+        effect: what was put in. size: RMS motion over the RMS error of the plain fit.
+        raised: held-out RMS of the plain fit over that without the effect. absorbed: by it; then that is all.
+        steps: each step's effect and its class. forms: of what each is another form. terms: what each is called.
+        ratio: held-out RMS of `auto` over that without the effect. z: (estimate − truth) / standard error.
     """
 
     effect: str
@@ -112,59 +75,6 @@ class Found:
         """Other effects that are called identified."""
         named = zip(self.steps, self.terms, strict=True)
         return tuple(step[0] for step, term in named if self.effect not in step and REACHED.index(term) < 2)
-
-
-def motion(model: Model, poses: Poses, effect: Effect, values: Sequence[float]) -> Array:
-    """(N, 3), m: the tip with the effect at the values of its parameters (SI), less that without. Raises
-    `NoEquilibrium`."""
-    known = dict(zip((*model.keys, *effect.keys), (*model.values.tolist(), *values), strict=True))
-    moved = model_of(model.arm, (*model.effects, effect), known)
-    return solve_equilibrium(moved, poses).tcp - solve_equilibrium(model, poses).tcp
-
-
-def drawn(arm: RealArm, seed: int) -> tuple[Effect, list[float], Array]:
-    """An effect, its parameters' values (SI), and the motion (N, 3), m, that it adds."""
-    rng, kinds = np.random.default_rng(seed), [*DRAWN]
-    model, poses = arm.fitted.model, arm.data.poses
-    for kind in (kinds[seed % len(kinds)], *rng.permutation(kinds).tolist()):
-        places = [each for each in effects_at(model.arm, kind) if each.place.startswith(("joint", "link"))]
-        for number in rng.permutation(len(places)):
-            effect, target = places[number], arm.fit_rms * rng.uniform(LEAST, MOST)
-            sized = _sized(model, poses, effect, _direction(effect, poses, rng), target)
-            if sized is not None and effect.name not in arm.own:
-                return effect, *sized
-    raise AssertionError("no effect moves this arm")
-
-
-def _direction(effect: Effect, poses: Poses, rng: np.random.Generator) -> Array:
-    """(P,), values in typical sizes: of either sign, and of a shape one of those that a search tries."""
-    only, shapes, values = DRAWN[effect.id], effect.shapes_to_try(poses), []
-    for parameter in effect.parameters:
-        size = float(rng.uniform(0.5, 1.0) * (1.0 if parameter.lower == 0.0 else rng.choice([-1.0, 1.0])))
-        shape = rng.choice(shapes.get(parameter.name, (parameter.default,)))
-        one = parameter.name if only in ("", parameter.name) and parameter.fixed is None else ""
-        values.append(size * parameter.typical if one else float(shape))
-    return np.array(values)
-
-
-def _sized(
-    model: Model, poses: Poses, effect: Effect, values: Array, target: float
-) -> tuple[list[float], Array] | None:
-    """Values whose motion has that RMS (m), and the motion; None where no plausible ones have."""
-    free = np.array([parameter.fixed is None for parameter in effect.parameters])
-    largest = np.array([parameter.plausible.largest for parameter in effect.parameters])
-    for _ in range(20):
-        try:
-            moved = motion(model, poses, effect, values.tolist())
-        except NoEquilibrium:
-            return None
-        rms = error_stats(moved).rms
-        if abs(rms / target - 1.0) < 0.02:
-            return None if (np.abs(values) > largest)[free].any() else (values.tolist(), moved)
-        values = np.where(free, values * target / max(rms, 1e-9), values)
-        if not np.all(np.abs(values[free]) < 1e3 * largest[free]):
-            return None
-    return None
 
 
 def examine(arms: Mapping[str, RealArm], keep: Path | None, which: tuple[str, int]) -> Found:
