@@ -87,10 +87,17 @@ def test_the_file_has_the_motion_beside_the_measurements_and_a_constant_one_is_a
 @pytest.mark.parametrize(
     ("steps", "forms", "terms", "reached", "false"),
     [
-        ((("a",), ("b", "a")), ((), ()), ("empirical term", "indistinguishable cause"), "indistinguishable cause", ()),
-        ((("b",), ("a",)), ((), ()), ("identified cause", "candidate cause"), "candidate cause", ("b",)),
-        ((("curve",),), (("a", "b"),), ("empirical term",), "a free curve of it", ()),
-        ((("b",),), ((),), ("candidate cause",), "vanished", ()),
+        (
+            (("a@joint2",), ("b", "a@joint2")),
+            ((), ()),
+            ("empirical term", "indistinguishable cause"),
+            "indistinguishable cause",
+            (),
+        ),
+        ((("b",), ("a@joint2",)), ((), ()), ("identified cause", "candidate cause"), "candidate cause", ("b",)),
+        ((("curve@joint1+joint2",),), (("b", "c"),), ("empirical term",), "a free curve there", ()),
+        ((("curve@joint1+joint12",),), (("b", "c"),), ("empirical term",), "vanished", ()),
+        ((("b@joint2",),), ((),), ("candidate cause",), "vanished", ()),
         ((), (), (), "vanished", ()),
     ],
 )
@@ -101,6 +108,6 @@ def test_what_is_said_of_it_is_the_most_that_any_step_says(
     reached: str,
     false: tuple[str, ...],
 ) -> None:
-    found = Found("a", 3.0, 2.0, steps=steps, forms=forms, terms=terms)
+    found = Found("a@joint2", 3.0, 2.0, steps=steps, forms=forms, terms=terms)
     assert found.reached == reached
     assert found.false == false

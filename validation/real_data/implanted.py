@@ -6,6 +6,7 @@ fit. So the error of a real arm stays beside the effect. `--keep` leaves the fil
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,6 +24,7 @@ from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.residual.better_prediction import vuong_z
 from lrm_math.arrays import Array
+from lrm_math.effects import EffectRef
 from validation.hidden_effects.intervals import TWO_SIDED_95
 from validation.options import Count, asked
 from validation.real_data.__main__ import SOURCES
@@ -33,7 +35,7 @@ from validation.runner import ResultsFile, run_cases
 from validation.tables import spread, table
 
 ABSORBED_Z = 2.0
-NOT_FOUND = ("a free curve of it", "vanished")
+NOT_FOUND = ("a free curve there", "vanished")
 REACHED = ("identified cause", "indistinguishable cause", "candidate cause", "empirical term", *NOT_FOUND)
 
 
@@ -62,7 +64,8 @@ class Found:
     def reached(self) -> str:
         """The most that is said of it, one of `REACHED`."""
         terms = [term for step, term in zip(self.steps, self.terms, strict=True) if self.effect in step]
-        form = any(self.effect in forms for forms in self.forms)
+        curves = [step[0] for step, forms in zip(self.steps, self.forms, strict=True) if forms]
+        form = any(joints(self.effect) & joints(curve) for curve in curves)
         return min(terms, key=REACHED.index, default=NOT_FOUND[0 if form else 1])
 
     @property
@@ -75,6 +78,11 @@ class Found:
         """Other effects that are called identified."""
         named = zip(self.steps, self.terms, strict=True)
         return tuple(step[0] for step, term in named if self.effect not in step and REACHED.index(term) < 2)
+
+
+def joints(effect: str) -> set[str]:
+    """Joints and links at which an effect acts."""
+    return set(re.findall(r"[a-z]+\d+", EffectRef.parse(effect).place))
 
 
 def examine(arms: Mapping[str, RealArm], keep: Path | None, which: tuple[str, int]) -> Found:
