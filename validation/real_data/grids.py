@@ -40,9 +40,11 @@ class GridSource:
 
     def held_out(self, mirror: Path | None, most: int | None) -> dict[str, float]:
         """RMS distance (m) of every method, over the same folds of at most so many poses. Raises `NotReachable`."""
-        return held_out(self._measured(fetched(self.repository, self.commit, self.path, mirror), most))
+        return held_out(self.measured(mirror, most))
 
-    def _measured(self, text: str, most: int | None) -> Measurements:
+    def measured(self, mirror: Path | None, most: int | None = None) -> Measurements:
+        """At most so many of its poses. Raises `NotReachable`."""
+        text = fetched(self.repository, self.commit, self.path, mirror)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "data.csv"
             path.write_text(self.measurements(text), encoding="utf-8")
