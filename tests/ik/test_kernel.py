@@ -326,4 +326,5 @@ def test_a_settled_command_too_soft_is_not_at_rest() -> None:
 def test_the_ik_fuzz_reads_and_writes_no_memory_but_its_own() -> None:
     done = sanitised.run(queries=25, seed=3, capture=True)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "25 queries, seed 3, " in done.stdout
     assert "0 violations" in done.stdout

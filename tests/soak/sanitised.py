@@ -47,14 +47,13 @@ def run(queries: int, seed: int, capture: bool = False) -> subprocess.CompletedP
 
 def main() -> int:
     """Exit code of the fuzz."""
-    built = os.environ.get(HERE)
-    if built:
+    queries, seed = (int(word) for word in (*sys.argv[1:3], *("1000", "0")[len(sys.argv) - 1 :]))
+    if built := os.environ.get(HERE):
         shared_library.BUILT = Path(built)
-        return fuzz_ik.main()
+        return fuzz_ik.main(queries, seed)
     if not runtimes():
         print("error: this machine's C compiler has no sanitizers", file=sys.stderr)
         return 2
-    queries, seed = (int(word) for word in (*sys.argv[1:3], *("1000", "0")[len(sys.argv) - 1 :]))
     return run(queries, seed).returncode
 
 
