@@ -168,6 +168,7 @@ def confirm(
         return refit_trial(selection, selection.supported[0], blocks, tested)
 
     def search(doubted: Mapping[str, Reason]) -> ConfirmedDiagnosis:
+        """The first selection whose refit confirms it, `doubted` effects refused without one."""
         reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
         promised, rival, refuted, worse = 0.0, "", bool(refused), dict[str, tuple[float, float]]()
         while (selection := selected(frozenset(reasons))).supported and len(reasons) < MOST_REFUSED:

@@ -16,7 +16,7 @@ AS_LARGE = 1.5
 
 @dataclass(frozen=True)
 class RoundedCommands:
-    """Angles that are all multiples of a `step` (rad), and the RMS error of the tip (m) that rounding to it makes."""
+    """Angles that lie multiples of a `step` (rad) apart, and the RMS error of the tip (m) that rounding to it makes."""
 
     step: float
     tip: float
