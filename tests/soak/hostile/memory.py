@@ -1,8 +1,10 @@
 """Memory of a moving daemon's processes under what strangers send: `python -m tests.soak.hostile.memory`.
 
 Nobody of them has a lease. First one line per attack: by how much each process grew at most, in MB. Then all floods at
-once for some minutes: for each process the resident memory (MB) before, at most, and after a pause. It returns to
-within 5 % of what it was after the first three minutes of the same, when every part of the code has been loaded.
+once in equal rounds, each with a pause after it: for each process its resident memory (MB) at the start, after each
+round, and at most. A process that keeps nothing of what was sent stays, after the later half of the rounds, within 5 %
+of the most after the earlier half. One round is not enough to compare with: a heap goes back to the system down to the
+last block in use, so the router stood at 41.9 MB after two rounds, and at 45.0 MB after each of the six that followed.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ SAMPLE_S = 0.02
 ATTACKS = ("deploy", "stuff", "starve", "hog", "large")
 BROKEN = ("api_silent", "ik_died", "ramp_died", "router_died", "internal_error")
 """Events that say that a process was kept from its work."""
-WARM_UP_S, PAUSE_S, ALLOWED = 180.0, 20.0, 1.05
+ROUNDS, PAUSE_S, ALLOWED = 3, 20.0, 1.05
+"""Rounds of each half."""
 CLIENTS_AT_ONCE = 4
 CLIENT = """
 import sys, zenoh
@@ -170,24 +173,30 @@ def after_all_floods(t: Trial, seconds: float) -> dict[str, float]:
 
 
 def memory_returns(seconds: float) -> bool:
-    """Prints the memory of each process about all floods at once."""
+    """Prints the memory of each process after each round of all floods at once; `seconds` of each half."""
     with tempfile.TemporaryDirectory() as folder, trial(Path(folder), COOL) as t:
-        fresh, before = memory(t), after_all_floods(t, WARM_UP_S)
         peak = PeakMemory(t.daemon.pid)
         with peak.sampled():
-            after = after_all_floods(t, seconds)
+            rounds = [memory(t)] + [after_all_floods(t, seconds / ROUNDS) for _ in range(2 * ROUNDS)]
         broken = sorted(set(t.daemon.codes()) & set(BROKEN))
-    print(f"{'MB':<8}" + "".join(f"{name:>10}" for name in ("fresh", "before", "most", "after", "ratio")))
-    for name in ROLES[:-1]:
-        figures = fresh[name], before[name], peak.peak[name], after[name]
-        print(f"{name:<8}" + "".join(f"{figure:>10.1f}" for figure in figures) + f"{after[name] / before[name]:>10.3f}")
+    columns = ("fresh", *(f"round {number}" for number in range(1, 2 * ROUNDS + 1)), "most", "ratio")
+    print(f"{'MB':<8}" + "".join(f"{name:>9}" for name in columns))
+    ratios = {name: _later_to_earlier([after[name] for after in rounds[1:]]) for name in ROLES[:-1]}
+    for name, ratio in ratios.items():
+        figures = *(after[name] for after in rounds), peak.peak[name]
+        print(f"{name:<8}" + "".join(f"{figure:>9.1f}" for figure in figures) + f"{ratio:>9.3f}", flush=True)
     print(f"kept from their work: {', '.join(broken) or 'none'}")
-    return not broken and all(after[name] <= ALLOWED * before[name] for name in ROLES[:-1])
+    return not broken and max(ratios.values()) <= ALLOWED
+
+
+def _later_to_earlier(figures: list[float]) -> float:
+    """The most of the later half by the most of the earlier half."""
+    return max(figures[len(figures) // 2 :]) / max(figures[: len(figures) // 2])
 
 
 def main() -> int:
     """Prints both tables; 1 if a process grew by too much, kept it, or was kept from its work."""
-    options = asked(__doc__, seconds=(15.0, "of each attack"), minutes=(10.0, "of all floods at once"))
+    options = asked(__doc__, seconds=(15.0, "of each attack"), minutes=(10.0, "of each half of all floods at once"))
     kept = [growth_is_bounded(options.seconds), memory_returns(60.0 * options.minutes)]
     return int(not all(kept))
 
