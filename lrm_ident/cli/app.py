@@ -183,6 +183,13 @@ def run(application: typer.Typer) -> None:
     except LrmError as error:
         note_error(error)
         _fail(str(error))
+    except OSError as error:
+        from lrm_ident.cli.consoles import discard_output
+
+        note_error(error)
+        discard_output()
+        what = "what it reads or prints" if error.filename is None else error.filename
+        _fail(f"{what}: {error.strerror or error}")
     except Exception as error:
         note_error(error)
         if not is_numerical(error):

@@ -33,6 +33,7 @@ from lrmd.messages.control import Event, FaultEntry, FaultsState, MoveRequest, T
 from lrmd.messages.kinematics import PlanRequest
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
+from tests.support.broken_output import full_disk_file
 from tests.support.daemon.armed_daemon import take
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
@@ -171,6 +172,15 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert "at most 1 us per tick" in second
     assert third.endswith("counts of 4.88 us (50 Hz), so in steps of at most 4.88 us")
     assert daemon.sim.core.lease is None, "every command gave its lease back"
+
+
+@pytest.mark.usefixtures("daemon")
+def test_output_to_a_full_disk_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before: a traceback."""
+    with os.fdopen(full_disk_file(), "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert app.main(["state"]) == 2
+    assert capsys.readouterr().err == "lrm: what it reads or prints: No space left on device\n"
 
 
 def test_a_move_of_an_arm_without_shapes_says_that_it_was_not_checked(

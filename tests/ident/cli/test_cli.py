@@ -15,6 +15,7 @@ from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.fitting import cross_validation
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
+from tests.support.broken_output import full_disk_file
 from tests.support.commands import part_of_example, run_command, stdout_of
 from validation import synthetic
 
@@ -143,6 +144,14 @@ def test_predict_says_that_times_are_not_used(folder: Path) -> None:
     poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,t_s\n1,0,0,0,0,0,0,60\n2,9,0,0,0,0,0,20\n")
     _, _, said = run_command("predict", folder / "model.toml", poses, "-o", folder / "p.csv")
     assert "t_s runs backwards at pose 2, so no times are used" in " ".join(said.split())
+
+
+def test_output_to_a_full_disk_is_one_line() -> None:
+    """Before: a traceback. What is written with `>` is no file of the tool, so no other check sees it."""
+    words = [sys.executable, "-m", "lrm_ident", "explain", "RMS"]
+    done = subprocess.run(words, stdout=full_disk_file(), stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    assert done.returncode == 2
+    assert done.stderr == "error: what it reads or prints: No space left on device\n"
 
 
 @pytest.mark.parametrize("command", ["", "fit", "compare", "predict"])
