@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -152,6 +153,18 @@ def test_output_to_a_full_disk_is_one_line() -> None:
     done = subprocess.run(words, stdout=full_disk_file(), stderr=subprocess.PIPE, text=True, cwd=ROOT)
     assert done.returncode == 2
     assert done.stderr == "error: what it reads or prints: No space left on device\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_what_an_encoding_lacks_is_written_plainly(folder: Path, encoding: str) -> None:
+    """As in `lrm-ident diagnose … > result.txt` on Windows. Before: a traceback."""
+    words = [sys.executable, "-m", "lrm_ident", "diagnose", folder / "model.toml", EXAMPLE]
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    done = subprocess.run(words, capture_output=True, cwd=ROOT, env=environment, encoding=encoding)
+    assert done.returncode == 0, done.stderr
+    assert "3.03 -> 0.57 mm RMS" in done.stdout
+    assert ("2.272 +- 0.020" if encoding == "ascii" else "2.272 ± 0.020°") in done.stdout
 
 
 @pytest.mark.parametrize("command", ["", "fit", "compare", "predict"])
