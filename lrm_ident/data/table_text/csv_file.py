@@ -80,6 +80,17 @@ class CsvTable:
         """Names of the columns."""
         return tuple(column.name for column in self.columns)
 
+    def once(self) -> CsvTable:
+        """The table without rows that equal an earlier one in every cell, and a notice of them."""
+        first = dict(zip(self.rows[::-1], self.lines[::-1], strict=True))
+        kept = [(row, line) for row, line in zip(self.rows, self.lines, strict=True) if first[row] == line]
+        again = [str(line) for row, line in zip(self.rows, self.lines, strict=True) if first[row] != line]
+        if not again:
+            return self
+        notice = f"line {enumerate_words(again, LISTED)}: copies of an earlier line, number and all, left out"
+        rows, lines = tuple(row for row, _ in kept), tuple(line for _, line in kept)
+        return replace(self, rows=rows, lines=lines, notices=(*self.notices, notice))
+
     def without(self, cells: tuple[str, ...]) -> CsvTable:
         """The table without the rows of these cells."""
         kept = [(row, line) for row, line in zip(self.rows, self.lines, strict=True) if row != cells]

@@ -103,6 +103,15 @@ def test_the_same_numbers_in_another_format(tmp_path: Path, lab: Arm, name: str)
     assert not any("last line" in words for words in data.source.notices)
 
 
+def test_a_line_that_stands_twice_is_read_once(tmp_path: Path, lab: Arm) -> None:
+    """Its number, too, is that of the line before: an export pasted twice. Before: an error."""
+    path = tmp_path / "data.csv"
+    path.write_text(text(NAMES, rows=[*ROWS, *ROWS]))
+    data = load_measurements(path, lab)
+    np.testing.assert_array_equal(data.pose, [1, 2])
+    assert "line 4, 5: copies of an earlier line, number and all, left out" in data.source.notices
+
+
 AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
     "comma and point": (text(NAMES, ";").replace("300.25", "1,300.25"), ("line 2", "1,300.25")),
     "commas beside points": (text(NAMES, ";").replace("300.25", "300,25"), ("300,25", "line 2 has", "point: '10.5'")),
