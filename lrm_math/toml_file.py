@@ -126,9 +126,14 @@ def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel]) -
         case "extra_forbidden":
             what, expected = f"unknown key {key}", name_suggestion(str(key), _valid_keys(schema, table))
         case _:
-            message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-            what, expected = f"{key} = {_shown(fault['input'])}", f"should be {message}"
+            what, expected = f"{key} = {_shown(fault['input'])}", _wanted(fault["msg"])
     return FileError(path, where, what, expected)
+
+
+def _wanted(message: str) -> str:
+    """What pydantic says a value should be, without its word for the value: `Input`, `String`, `List`."""
+    _, should, rest = message.partition(" should ")
+    return f"should {rest}" if should else f"should be {message.removeprefix('Value error, ')}"
 
 
 def _shown(value: object) -> str:

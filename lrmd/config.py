@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MICROSECOND, Angle, load_arm
@@ -27,15 +28,30 @@ SHORTEST_PULSE = 100 * US
 LONGER_TICK = 0.05
 """Share by which a tick may be longer than `tick_ms` so that a frame of the board is whole ticks long."""
 
-Milliseconds = Annotated[float, Field(gt=0, le=60_000)]
+HOST_PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws")
+"""zenoh's protocols whose addresses are a host and a port."""
+
+
+def _with_port(endpoint: str) -> str:
+    """An endpoint of zenoh; zenoh itself waits for an address without a port until its time is over."""
+    protocol, _, address = endpoint.partition("/")
+    port = re.split("[?#]", address)[0].rpartition(":")[2]
+    if protocol in HOST_PROTOCOLS and not (re.fullmatch("[0-9]{1,5}", port) and 0 < int(port) <= 65_535):
+        raise ValueError(f"{protocol}/HOST:PORT, for instance {protocol}/127.0.0.1:7447")
+    return endpoint
+
+
+Milliseconds = Annotated[float, Field(ge=1, le=60_000)]
 Celsius = Annotated[float, Field(ge=-50, le=150)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
+Endpoint = Annotated[str, AfterValidator(_with_port)]
 
 
 class LinkTable(StrictSchema):
     """`[link]`: the serial line and the board's clock."""
 
-    port: str
+    port: PathText
     baud: Annotated[int, Field(ge=9600, le=4_000_000)] = 115_200
     pwm_hz: Annotated[float, Field(gt=0)] = 50.0
     oscillator_hz: Annotated[float, Field(ge=20e6, le=30e6)] = 25e6
@@ -47,7 +63,7 @@ class RampTable(StrictSchema):
     """`[ramp]`: tick and step of the pulses' staircase, and the process's SCHED_FIFO priority."""
 
     tick_ms: Annotated[float, Field(ge=1.0, le=100.0)] = 6.5
-    step_us: Annotated[float, Field(gt=0, le=10.0)] = 1.0
+    step_us: Annotated[float, Field(ge=0.01, le=10.0)] = 1.0
     realtime_priority: Annotated[int, Field(ge=0, le=50)] = 50
 
 
@@ -92,7 +108,7 @@ class GravityTable(StrictSchema):
 class StateTable(StrictSchema):
     """`[state]`: directory of the state file, and the interval between two writes during a motion."""
 
-    directory: str
+    directory: PathText
     save_ms: Milliseconds = 500.0
 
 
@@ -100,7 +116,7 @@ class MotionTable(StrictSchema):
     """`[motion]`: a motion model of the arm, while none is deployed; the distance within which its tip is at rest, and
     how moves are shaped where there is a model."""
 
-    model: str | None = None
+    model: PathText | None = None
     within_mm: Annotated[float, Field(ge=0.001, le=100)] = 0.1
     shaping: Literal["off", "zv", "zvd", "zvdd", "timed"] = "off"
 
@@ -122,9 +138,9 @@ class SimulationTable(StrictSchema):
 class ZenohTable(StrictSchema):
     """`[zenoh]`: endpoints, and a configuration file of zenoh's own."""
 
-    listen: list[str] = ["tcp/127.0.0.1:7447"]
-    connect: list[str] = []
-    config: str | None = None
+    listen: Annotated[list[Endpoint], Field(min_length=1)] = ["tcp/127.0.0.1:7447"]
+    connect: list[Endpoint] = []
+    config: PathText | None = None
 
 
 class DaemonFile(StrictSchema):
@@ -132,8 +148,8 @@ class DaemonFile(StrictSchema):
 
     schema_: Literal["lrm/daemon/1"] = Field(alias="schema")
     robot: Name
-    arm: str
-    model: str | None = None
+    arm: PathText
+    model: PathText | None = None
     link: LinkTable
     ramp: RampTable = RampTable()
     servo: dict[str, ServoEntry]

@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from typer.main import get_command_from_info, get_group
 from typer.models import CommandInfo
 
+from lrm_ident.cli.encodings import print_plainly
 from lrm_ident.data.last_error import note_error
 from lrm_math.errors import LrmError
 
@@ -165,6 +166,7 @@ def group(
 def main() -> None:
     """Runs the command of `lrm-ident`."""
     _keep_freed_memory()
+    print_plainly()
     run(app)
 
 
@@ -183,6 +185,13 @@ def run(application: typer.Typer) -> None:
     except LrmError as error:
         note_error(error)
         _fail(str(error))
+    except OSError as error:
+        from lrm_ident.cli.consoles import discard_output
+
+        note_error(error)
+        discard_output()
+        what = "what it reads or prints" if error.filename is None else error.filename
+        _fail(f"{what}: {error.strerror or error}")
     except Exception as error:
         note_error(error)
         if not is_numerical(error):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from shutil import get_terminal_size
 
 from rich.console import Console
@@ -18,6 +19,12 @@ class ResultConsole(Console):
     def on_broken_pipe(self) -> None:
         """Sends what is still printed nowhere."""
         self.quiet = True
+        discard_output()
+
+
+def discard_output() -> None:
+    """Sends what is still in the buffer of stdout nowhere: it would fail again at the end of the process."""
+    with suppress(OSError):  # no stream of the system
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
-
 import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.api.deployed_motion import predictor_of
 from lrmd.api.model_trial import load_checked
 from lrmd.config import Config
-from lrmd.messages.zenoh_session import client, own_endpoints, router
+from lrmd.messages.zenoh_session import client, in_one_line, own_endpoints, router
 from lrmd.persistence.deployed_models import DeployedVersions, ModelKind
 
 
@@ -28,9 +26,7 @@ def check_start(config: Config) -> str:
         router(config.zenoh)
         client(own_endpoints(config.zenoh), config.zenoh.config)
     except zenoh.ZError as error:
-        text = str(error).split(" at /")[0]
-        said = re.search(r'msg: "(.*)', text)
-        raise LrmError(f"zenoh: {said[1] if said else text}") from None
+        raise LrmError(f"zenoh: {in_one_line(error)}") from None
     motion = "" if known is None else f"; motion model {known.path}, {config.motion.shaping}"
     model = f"model {deployed.path}" + (f" ({deployed.sha256[:12]})" if deployed.sha256 else "")
     shapes = "" if guard else "; no collision shapes: no move is checked"

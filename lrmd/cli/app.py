@@ -47,14 +47,24 @@ def main(argv: list[str] | None = None) -> int:
             code = int(options.run(options))
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # the reader has gone, as `head` does; what is still in the buffer goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader has gone, as `head` does
+        _discard_output()
         return 1
+    except OSError as error:  # such as a full disk behind `>`
+        _discard_output()
+        what = "what it reads or prints" if error.filename is None else error.filename
+        print(f"lrm: {what}: {error.strerror or error}", file=sys.stderr)
+        return 2
     except LrmError as error:
         print(f"lrm: {error}", file=sys.stderr)
         return 1 if isinstance(error, MotionInterrupted) else 2
     except KeyboardInterrupt:
         return 1
+
+
+def _discard_output() -> None:
+    """Sends what is still in the buffer of stdout nowhere: it would fail again at the end of the process."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class LrmArgumentParser(argparse.ArgumentParser):

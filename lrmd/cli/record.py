@@ -25,21 +25,22 @@ def record(o: argparse.Namespace) -> int:
         raise LrmError(f"-o {path}: should be a name that ends in .csv")
     if o.seconds is not None and not 0.0 < o.seconds < math.inf:
         raise LrmError(f"--seconds {o.seconds:g}: should be more than 0")
-    if path.exists():
-        raise LrmError(f"{path} is there already; name another file, or remove it")
+    beside = path.with_suffix(".toml")
+    for there in filter(Path.exists, (path, beside)):
+        raise LrmError(f"{there} is there already; name another file, or remove it")
     with open_rover(o) as rover:
         info = rover.info()
         if not all(rover.joints().on[: info.joints]):
             raise LrmError("the joints have no pulses; first lrm arm")
+        kind = f'schema = "lrm/command-log/1"\narm = "{info.arm}"\ncount_us = {info.count_us:.9g}\n'
         try:
-            file = path.open("w", encoding="utf-8")
+            with path.open("w", encoding="utf-8") as file:
+                beside.write_text(kind, encoding="utf-8")
+                rows, why = _followed(rover, file, info.joints, o.seconds)
+        except BrokenPipeError:
+            raise
         except OSError as error:
-            raise LrmError(f"{path}: cannot be written ({error.strerror})") from None
-        with file:
-            path.with_suffix(".toml").write_text(
-                f'schema = "lrm/command-log/1"\narm = "{info.arm}"\ncount_us = {info.count_us:.9g}\n', encoding="utf-8"
-            )
-            rows, why = _followed(rover, file, info.joints, o.seconds)
+            raise LrmError(f"{path}: cannot be written ({error.strerror or error})") from None
     print(f"{rows} rows written to {path}; {why}")
     return 0
 

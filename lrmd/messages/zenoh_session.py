@@ -10,9 +10,11 @@ leaves open may be longer, too. The stop's key itself, and that of all robots, m
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import zenoh
@@ -43,6 +45,7 @@ RATE_HZ = 10.0
 """Messages per second and client that pass each rule, so that their sender is still told what is wrong."""
 MESSAGES = {"cmd/estop": ["put", "delete"], "rpc/estop": ["query"]}
 FILLER = "-"
+LONGEST_WORDS = 200
 
 
 def key(robot: str, tail: str) -> str:
@@ -167,6 +170,13 @@ def reply_error(query: zenoh.Query, error: Exception, log: Any, boot_id: str) ->
         query.reply_err(pack(error_reply(error, boot_id)))
 
 
+def in_one_line(error: zenoh.ZError) -> str:
+    """What zenoh says is wrong with a configuration, without its source files, at most `LONGEST_WORDS` characters."""
+    text = " ".join(str(error).split(" at /")[0].split())
+    said = re.search(r'msg: "([^"]*)', text)
+    return shorten(said[1] if said else text, LONGEST_WORDS, placeholder=" ...")
+
+
 def _from_file(path: str | None) -> zenoh.Config:
     if path is None:
         return zenoh.Config()
@@ -175,7 +185,7 @@ def _from_file(path: str | None) -> zenoh.Config:
     try:
         return zenoh.Config.from_file(path)
     except zenoh.ZError as error:
-        raise FileError(path, "zenoh config", f"zenoh cannot read it ({error})") from None
+        raise FileError(path, "zenoh config", "zenoh cannot read it", in_one_line(error)) from None
 
 
 def _configured(path: str | None, values: dict[str, Any]) -> zenoh.Config:

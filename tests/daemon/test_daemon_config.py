@@ -125,6 +125,15 @@ WRONG: list[tuple[str, str, str, list[str]]] = [
     ("a rate no chip has", "pwm_hz = 50.0", "pwm_hz = 5000.0", ["5000.0 Hz", "this board reaches"]),
     ("a rate too fast", "pwm_hz = 50.0", "pwm_hz = 500.0", ["servo joint1", "2460 us", "lower pwm_hz"]),
     ("not TOML", "[link]", "[link", ["not valid TOML", "line"]),
+    ("seconds for a watchdog's ms", "command_ms = 500", "command_ms = 0.5", ["command_ms = 0.5", "or equal to 1"]),
+    ("seconds for a delay's ms", "stagger_ms = 200", "stagger_ms = 0.2", ["stagger_ms = 0.2", "or equal to 1"]),
+    ("metres of pulse", "step_us = 1.0", "step_us = 1e-6", ["step_us = 1e-06", "greater than or equal to 0.01"]),
+    ("an empty port", '"/dev/lrm-arm"', '""', ["link", "port = ''", "should have at least 1 character"]),
+    ("no directory", '"/var/lib/lrmd"', '""', ["state", "directory = ''", "should have at least 1 character"]),
+    ("an impossible path", '"/var/lib/lrmd"', '"/var/\\u0000"', ["state", "directory = '/var/", "should match"]),
+    ("nowhere to listen", '["tcp/127.0.0.1:7447"]', "[]", ["zenoh", "listen = []", "should have at least 1 item"]),
+    ("listening without a port", "127.0.0.1:7447", "127.0.0.1", ["zenoh: listen 1 = 'tcp/127.0.0.1'", "tcp/HOST:PORT"]),
+    ("a port that is none", "connect = []", 'connect = ["tls/base:70000"]', ["tls/base:70000", "HOST:PORT"]),
 ]  # fmt: skip
 
 
@@ -193,6 +202,17 @@ def test_a_file_that_the_start_would_miss_is_missed_by_the_check(
     said = capsys.readouterr()
     assert (said.out, len(said.err.splitlines())) == ("", 1)
     assert words in said.err
+
+
+@pytest.mark.parametrize("text", ['{ mode: "rou', "{ modde: 1 }"])
+def test_zenohs_own_words_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    beside = tmp_path / "z.json5"
+    beside.write_text(text)
+    assert checked(tmp_path, '# config = "/etc/lrm/zenoh.json5"', f'config = "{beside}"') == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"lrmd: {beside}: zenoh config: zenoh cannot read it; ")
+    assert ".cargo" not in line
+    assert len(line) < len(str(beside)) + 300
 
 
 def test_a_missing_arm_file_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,6 +24,7 @@ from lrm_ident.data.measurement_file.pose_quantity import (
     PoseQuantity,
 )
 from lrm_ident.data.table_text.csv_file import Column, CsvTable, is_number
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -35,6 +36,9 @@ OF_A_ROBOT = {"": ANGLE, "action": ANGLE, "observationstate": FEEDBACK, "observa
 """Our columns by what stands before the joints' own names: LeRobot's commands, and what its encoders read."""
 BEFORE_JOINTS, SIDES = ("main_", "arm_", "follower_"), ("left_", "right_", "left_arm_", "right_arm_")
 """What stands before the names of the joints of one arm, and of one of two."""
+NAMES_ARM = ("arm", "robot", "armid", "robotid", "armname", "robotname")
+"""Columns, squeezed, that say of which arm a row is."""
+ARMS_LISTED = 4
 MISSED = (("payload_g", "load"), ("t_s", "time"), ("session", "session"))
 """Quantities without which a model is another one, so that a file that has them by other names has to be told."""
 UNIT_WORDS = {
@@ -88,14 +92,24 @@ def named_columns(file: CsvTable, how: Reading = AS_NAMED, arm: Arm | None = Non
 def arm_columns(file: CsvTable, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
     """The table of a file of an arm's poses, as `named_columns`, with notices of its columns.
 
-    Raises `FileError`: the file has another number of joints.
+    Raises `FileError`: the file has another number of joints, or rows of several arms.
     """
     named = named_columns(file, how, arm)
+    _check_one_arm(named)
     stated = [name for name in named.header if ANGLES.fullmatch(name)]
     if not {*stated} <= {ANGLE.format(number) for number in range(1, arm.dof + 1)}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
         raise FileError(file.path, "header", what, "is this another arm?")
     return replace(named, notices=(*_notices(named, known), *named.notices))
+
+
+def _check_one_arm(table: CsvTable) -> None:
+    """Raises `FileError` if a column says that rows are of different arms: one model cannot hold for them."""
+    for j, name in enumerate(table.header):
+        arms = sorted({row[j] for row in table.rows}) if _squeezed(name.lower()) in NAMES_ARM else []
+        if len(arms) > 1:
+            what = f"rows of {len(arms)} arms: {enumerate_words(arms, ARMS_LISTED)}"
+            raise FileError(table.path, f"column {name}", what, "write the rows of each arm into a file of its own")
 
 
 def stated_units(table: CsvTable) -> Reading:
@@ -245,14 +259,17 @@ def _as_said(column: Column, how: Reading, first: int) -> Column:
 
 
 def _with_units(table: CsvTable) -> CsvTable:
-    """The table with the units of a first row of nothing but units in the names of its columns.
+    """The table with the units of a first row of units, which has no number, in the names of its columns.
 
-    Raises `FileError`: a name states another unit.
+    A unit that is not known stays in the name, so that the column is not read without it. The same row further down is
+    left out, too, as in files that were put together. Raises `FileError`: a name states another unit.
     """
-    words = ["" if cell.strip("[]()") in NO_UNIT else cell for cell in table.rows[0]] if table.rows else []
-    units = [UNIT_WORDS.get(word.strip().lower().strip("[]()")) for word in words]
-    if not any(units) or any(word and not unit for word, unit in zip(words, units, strict=True)):
+    words = [cell.strip().strip("[]()") for cell in table.rows[0]] if table.rows else []
+    words = ["" if word in NO_UNIT else word for word in words]
+    known = [UNIT_WORDS.get(word.lower()) for word in words]
+    if not any(known) or any(map(is_number, words)):
         return table
+    units = [unit or word for word, unit in zip(words, known, strict=True)]
     columns = []
     for name, unit in zip(table.header, units, strict=True):
         own = next((own for _, own in _readings(name) if own), None)
@@ -261,7 +278,7 @@ def _with_units(table: CsvTable) -> CsvTable:
             raise FileError(table.path, f"line {table.lines[0]}, column {name}", f"its unit is stated as {unit}", right)
         stated = f"{name} [{unit}]" if unit and not own else name
         columns.append(Column(stated, stated))
-    return replace(table, columns=tuple(columns), rows=table.rows[1:], lines=table.lines[1:])
+    return replace(table.without(table.rows[0]), columns=tuple(columns))
 
 
 def _is_measured(name: str) -> bool:

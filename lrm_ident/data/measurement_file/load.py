@@ -61,7 +61,7 @@ def read_measured(
     """
     said = conventions_of(path, arm, reading, usual)
     file, known = read_table(path), measured_quantities(arm, said.how)
-    cells = arm_columns(file, arm, said.how, known)
+    cells = arm_columns(file, arm, said.how, known).once()
     require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from lrm_ident.data.table_text.other_kinds import check_is_file, check_is_table
 from lrm_ident.data.table_text.workbook import sheet_text
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
 
@@ -25,8 +26,12 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
 DELIMITERS = (";", "\t", ",")
 COMMENT = ("#", "%", "//")
+LISTED = 8
+"""Lines that are named of those that are left out."""
 TYPOGRAPHIC_MINUS = re.compile(r"(?<![^\s,;\"'])[\u2212\u2013](?=[.,]?\d)")
 """A minus sign or an en dash at the beginning of a cell, before a number, as word processors and web pages write it."""
+NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?")
+"""A number with points and commas, whatever they mean."""
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
@@ -74,6 +79,22 @@ class CsvTable:
     def header(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(column.name for column in self.columns)
+
+    def once(self) -> CsvTable:
+        """The table without rows that equal an earlier one in every cell, and a notice of them."""
+        first = dict(zip(self.rows[::-1], self.lines[::-1], strict=True))
+        kept = [(row, line) for row, line in zip(self.rows, self.lines, strict=True) if first[row] == line]
+        again = [str(line) for row, line in zip(self.rows, self.lines, strict=True) if first[row] != line]
+        if not again:
+            return self
+        notice = f"line {enumerate_words(again, LISTED)}: copies of an earlier line, number and all, left out"
+        rows, lines = tuple(row for row, _ in kept), tuple(line for _, line in kept)
+        return replace(self, rows=rows, lines=lines, notices=(*self.notices, notice))
+
+    def without(self, cells: tuple[str, ...]) -> CsvTable:
+        """The table without the rows of these cells."""
+        kept = [(row, line) for row, line in zip(self.rows, self.lines, strict=True) if row != cells]
+        return replace(self, rows=tuple(row for row, _ in kept), lines=tuple(line for _, line in kept))
 
 
 def read_text(path: Path) -> FileText:
@@ -127,21 +148,31 @@ def read_table(path: Path) -> CsvTable:
     if not numbered:
         raise FileError(path, "", "is empty", "a header that names the columns (pose, q1_deg, …), and a row per pose")
     header, *rows = _cut_to_header(path, numbered, delimiter)
-    lines_of = tuple(number for number, _ in numbered)
+    first, *lines_of = (number for number, _ in numbered)
     columns = tuple(Column(name, name) for name in header)
-    table = CsvTable(path, columns, tuple(rows), lines_of[1:], lines_of[0], file.sha256, (*titles, *file.notices))
-    return table if delimiter == "," else _with_points(table)
+    table = CsvTable(path, columns, tuple(rows), tuple(lines_of), first, file.sha256, (*titles, *file.notices))
+    return _with_points(_without_repeated_header(table))
+
+
+def _without_repeated_header(table: CsvTable) -> CsvTable:
+    """The table without rows that repeat the header, as in files that were put together, and a notice of them."""
+    again = [str(line) for row, line in zip(table.rows, table.lines, strict=True) if row == table.header]
+    if not again:
+        return table
+    notice = f"the header stands again in line {enumerate_words(again, LISTED)}: not used"
+    return replace(table.without(table.header), notices=(*table.notices, notice))
 
 
 def _without_titles(kept: Sequence[tuple[int, str]]) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
     """The lines from the header on, and a notice of those above: a title that a person wrote over the table.
 
-    A title has less than half of the cells of the last row, and a line of words alone, the header, comes after it.
+    A title has less than half of the cells of the widest row, and a line of words alone, the header, comes after it.
     """
     last = kept[-1][1] if kept else ""
     delimiter = next((mark for mark in DELIMITERS if mark in last), ",")
     cells = [[cell.strip('" ') for cell in line.split(delimiter) if cell.strip('" ')] for _, line in kept]
-    header = next((row for row, found in enumerate(cells) if 2 * len(found) >= len(cells[-1])), 0)
+    widest = max(map(len, cells), default=0)
+    header = next((row for row, found in enumerate(cells) if 2 * len(found) >= widest), 0)
     if not header or any(is_number(cell.replace(",", ".")) for cell in cells[header]):
         return [*kept], ()
     above = "1 line" if header == 1 else f"{header} lines"
@@ -198,7 +229,9 @@ def _header_in_comment(path: Path, lines: list[str], first: int, row: str, delim
 
 def _with_points(table: CsvTable) -> CsvTable:
     """The table with decimal points for decimal commas. Raises `FileError` if its commas may divide thousands."""
-    cells = [(line, cell) for row, line in zip(table.rows, table.lines, strict=True) for cell in row if "," in cell]
+    placed = [(line, cell) for row, line in zip(table.rows, table.lines, strict=True) for cell in row]
+    numbers = [(line, cell) for line, cell in placed if NUMBER.fullmatch(cell)]
+    cells = [(line, cell) for line, cell in numbers if "," in cell]
     both = next(((line, cell) for line, cell in cells if "." in cell), None)
     if both:
         what, right = f"'{both[1]}' has a comma and a point", "write numbers without commas for thousands"
@@ -206,12 +239,12 @@ def _with_points(table: CsvTable) -> CsvTable:
     numeric = [(line, cell) for line, cell in cells if DECIMAL_COMMA.fullmatch(cell)]
     if not numeric:
         return table
-    points = any("." in cell and is_number(cell) for row in table.rows for cell in row)
-    if points or all(THOUSANDS.fullmatch(cell) for _, cell in numeric):
+    point = next(((line, cell) for line, cell in numbers if "." in cell and is_number(cell)), None)
+    if point or all(THOUSANDS.fullmatch(cell) for _, cell in numeric):
         line, cell = numeric[0]
         why = (
-            "other numbers of the file have a decimal point"
-            if points
+            f"line {point[0]} has a decimal point: '{point[1]}'"
+            if point
             else "every comma of the file may divide thousands"
         )
         what = f"'{cell}': a decimal comma or thousands? {why}"

@@ -33,9 +33,11 @@ from lrmd.messages.control import Event, FaultEntry, FaultsState, MoveRequest, T
 from lrmd.messages.kinematics import PlanRequest
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
+from tests.support.broken_output import full_disk_file
 from tests.support.daemon.armed_daemon import take
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
+from tests.support.full_disk import full_disk
 
 ZERO = "0,0,0,0,0,0"
 NOBODY = "tcp/127.0.0.1:1"
@@ -171,6 +173,15 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert "at most 1 us per tick" in second
     assert third.endswith("counts of 4.88 us (50 Hz), so in steps of at most 4.88 us")
     assert daemon.sim.core.lease is None, "every command gave its lease back"
+
+
+@pytest.mark.usefixtures("daemon")
+def test_output_to_a_full_disk_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before: a traceback."""
+    with os.fdopen(full_disk_file(), "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert app.main(["state"]) == 2
+    assert capsys.readouterr().err == "lrm: what it reads or prints: No space left on device\n"
 
 
 def test_a_move_of_an_arm_without_shapes_says_that_it_was_not_checked(
@@ -358,6 +369,34 @@ def test_commands_are_recorded_until_the_daemon_is_silent(
     assert "ends in .csv" in refuses("record", "-o", str(tmp_path / "log.txt"))
     assert "more than 0" in refuses("record", "-o", str(tmp_path / "other.csv"), "--seconds", "0")
     assert sorted(each.name for each in tmp_path.iterdir()) == ["log.csv", "log.toml"]
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_record_spares_the_file_beside_it(
+    does: Callable[..., str], refuses: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Before: an arm, a model or metadata of that name was overwritten."""
+    monkeypatch.setattr(record, "SILENT_S", 0.01)
+    does("arm", "--q", ZERO)
+    mine = tmp_path / "run.toml"
+    mine.write_text("mine = true\n")
+    assert f"{mine} is there already" in refuses("record", "-o", str(tmp_path / "run.csv"))
+    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [("run.toml", "mine = true\n")]
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_disk_that_fills_while_commands_are_recorded_is_one_line(
+    does: Callable[..., str], typed: Typed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Before: a traceback. The rows until then stay."""
+    monkeypatch.setattr(record, "SILENT_S", 0.01)
+    monkeypatch.setattr(Rover, "watch", lambda self, *of: [of[-1](self.joints()) for _ in range(200)])
+    does("arm", "--q", ZERO)
+    with full_disk(tmp_path / "disk", size=3 * 4096, room=2 * 4096):
+        code, _, said = typed("record", "-o", str(tmp_path / "disk" / "log.csv"))
+    assert code == 2
+    assert said.startswith(f"lrm: {tmp_path / 'disk' / 'log.csv'}: cannot be written (")
+    assert len(said.splitlines()) == 1
 
 
 # ---- what is refused

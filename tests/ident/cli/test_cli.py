@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -15,6 +16,7 @@ from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.fitting import cross_validation
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
+from tests.support.broken_output import full_disk_file
 from tests.support.commands import part_of_example, run_command, stdout_of
 from validation import synthetic
 
@@ -143,6 +145,26 @@ def test_predict_says_that_times_are_not_used(folder: Path) -> None:
     poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,t_s\n1,0,0,0,0,0,0,60\n2,9,0,0,0,0,0,20\n")
     _, _, said = run_command("predict", folder / "model.toml", poses, "-o", folder / "p.csv")
     assert "t_s runs backwards at pose 2, so no times are used" in " ".join(said.split())
+
+
+def test_output_to_a_full_disk_is_one_line() -> None:
+    """Before: a traceback. What is written with `>` is no file of the tool, so no other check sees it."""
+    words = [sys.executable, "-m", "lrm_ident", "explain", "RMS"]
+    done = subprocess.run(words, stdout=full_disk_file(), stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    assert done.returncode == 2
+    assert done.stderr == "error: what it reads or prints: No space left on device\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_what_an_encoding_lacks_is_written_plainly(folder: Path, encoding: str) -> None:
+    """As in `lrm-ident diagnose … > result.txt` on Windows. Before: a traceback."""
+    words = [sys.executable, "-m", "lrm_ident", "diagnose", folder / "model.toml", EXAMPLE]
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    done = subprocess.run(words, capture_output=True, cwd=ROOT, env=environment, encoding=encoding)
+    assert done.returncode == 0, done.stderr
+    assert "3.03 -> 0.57 mm RMS" in done.stdout
+    assert ("2.272 +- 0.020" if encoding == "ascii" else "2.272 ± 0.020°") in done.stdout
 
 
 @pytest.mark.parametrize("command", ["", "fit", "compare", "predict"])

@@ -248,7 +248,7 @@ def test_sessions_that_number_their_own_poses_are_numbered_through(lab: Arm, tmp
     np.testing.assert_array_equal(data.pose, np.arange(1, 41))
     assert any("each session has its own pose numbers" in words for words in data.source.notices)
     with pytest.raises(FileError, match="pose 5 stands in line 6 already"):
-        load_measurements(example(tmp_path, [*rows[:20], rows[4], *second]), lab)
+        load_measurements(example(tmp_path, [*rows[:20], [*rows[4][:-1], "300.5"], *second]), lab)
 
 
 def test_a_repetition_elsewhere_is_said(lab: Arm, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -45,6 +45,12 @@ def scaled(lengths: float, angles: float) -> list[tuple[float, ...]]:
     return [(row[0], *(v * angles for v in row[1:7]), *(v * lengths for v in row[7:])) for row in ROWS]
 
 
+def joined(delimiter: str, *rows: Sequence[object]) -> bytes:
+    """Lines of cells."""
+    return "".join(delimiter.join(map(str, row)) + "\n" for row in rows).encode()
+
+
+SHORT, UNITS = [*(f"J{i}" for i in range(1, 7)), "X", "Y", "Z"], [*["°"] * 6, *["mm"] * 3]
 SAME: dict[str, bytes] = {
     "semicolons": text(NAMES, ";").encode(),
     "tabs": text(NAMES, "\t").encode(),
@@ -73,6 +79,15 @@ SAME: dict[str, bytes] = {
     "another stem": text(["Nr", *(f"Achse {i}" for i in range(6)), "X", "Y", "Z"]).encode(),
     "a title above": ("Messung vom 3. Mai, erster Arm\n\n" + text(NAMES)).encode(),
     "a title above, decimal commas": ("Messung; 3. Mai\n" + text(NAMES, ";", comma=True)).encode(),
+    "a title above, empty rows below": ("Messung;;;;;;;;;\n" + text(NAMES, ";") + ";;;;;;;;;\n").encode(),
+    "files put together": joined(",", SHORT, UNITS, ROWS[0][1:], SHORT, UNITS, ROWS[1][1:]),
+    "a unit of a column that is not used": joined(
+        ",", ["Nr", *SHORT, "Quality"], ["", *UNITS, "%"], *([*row, 95] for row in ROWS)
+    ),
+    "a note with a comma and a point": joined(
+        ";", [*NAMES, "Note"], *([*(str(v).replace(".", ",") for v in row), "ok, 2. try"] for row in ROWS)
+    ),
+    "decimal commas in quotes": joined(",", NAMES, *([f'"{v}"'.replace(".", ",") for v in row] for row in ROWS)),
     "no pose numbers": text(NAMES[1:], rows=[row[1:] for row in ROWS]).encode(),
 }  # fmt: skip
 
@@ -88,9 +103,18 @@ def test_the_same_numbers_in_another_format(tmp_path: Path, lab: Arm, name: str)
     assert not any("last line" in words for words in data.source.notices)
 
 
+def test_a_line_that_stands_twice_is_read_once(tmp_path: Path, lab: Arm) -> None:
+    """Its number, too, is that of the line before: an export pasted twice. Before: an error."""
+    path = tmp_path / "data.csv"
+    path.write_text(text(NAMES, rows=[*ROWS, *ROWS]))
+    data = load_measurements(path, lab)
+    np.testing.assert_array_equal(data.pose, [1, 2])
+    assert "line 4, 5: copies of an earlier line, number and all, left out" in data.source.notices
+
+
 AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
     "comma and point": (text(NAMES, ";").replace("300.25", "1,300.25"), ("line 2", "1,300.25")),
-    "commas beside points": (text(NAMES, ";").replace("300.25", "300,25"), ("line 2", "300,25", "decimal point")),
+    "commas beside points": (text(NAMES, ";").replace("300.25", "300,25"), ("300,25", "line 2 has", "point: '10.5'")),
     "thousands or decimals": (
         text(NAMES, ";", rows=[(1, 1, 2, 3, 4, 5, 6, "1,250", "2,500", 3)]),  # type: ignore[list-item]
         ("line 2", "1,250", "thousands"),
@@ -104,6 +128,14 @@ AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "no header": ("\n".join(text(NAMES).splitlines()[1:]) + "\n", ("line 1", "no header")),
     "an unknown unit": (text([*NAMES[:7], "x_furlong", "y_mm", "z_mm"]), ("header", "missing column x_mm")),
+    "an unknown unit in a row of units": (
+        joined(",", SHORT, [*UNITS[:8], "furlong"], ROWS[0][1:]).decode(),
+        ("header", "missing column z_mm", "Z [furlong]"),
+    ),
+    "rows of two arms": (
+        joined(",", ["Robot", *NAMES[1:]], ["left", *ROWS[0][1:]], ["right", *ROWS[1][1:]]).decode(),
+        ("column Robot", "2 arms: left, right", "file of its own"),
+    ),
     "joints in mm": (text(["pose", "q1_mm", *NAMES[2:]]), ("header", "missing column q1_deg")),
     "approach of one joint": (
         text([*NAMES, "approach2"], rows=[(*row, 1.0) for row in ROWS]),
