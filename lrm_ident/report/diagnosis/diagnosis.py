@@ -19,14 +19,10 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
-from lrm_ident.report.diagnosis.conclusion import (
-    UNKNOWN_FILES,
-    CommandNames,
-    Conclusion,
-    conclude,
-    explains_part,
-    valid_where,
-)
+from lrm_ident.report.diagnosis.cause_facts import explains_part
+from lrm_ident.report.diagnosis.conclusion import Conclusion, conclude
+from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
+from lrm_ident.report.diagnosis.pose_facts import valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.advice import advice_sentence, next_step
