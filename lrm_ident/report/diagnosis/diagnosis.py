@@ -13,7 +13,7 @@ from lrm_ident.diagnosis.attribution import (
     unexplained_mean_square,
     unexplained_ratio,
 )
-from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -240,19 +240,18 @@ def explains_words(share: float, floor_known: bool) -> str:
 
 
 def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
-    """Reason why an effect that predicts better identifies no new cause.
-
-    Args:
-        q: (N, n), measured commands (rad). present: effects (`effect@place`) of the model.
-    """
-    refines = variants(effect)
-    if there := [name for name in refines if name in present]:
-        return f"another formula for {' and '.join(map(plain_name, there))}, no new cause"
-    if refines:
-        return f"an empirical term that may stand for {' or '.join(map(plain_name, refines))}"
-    if not can_be_contradicted(effect, q):
-        return "an empirical term: with so few angles any function of that joint's angle fits as well"
-    return "an empirical term: it explains too little to be called a cause"
+    """Reason why an effect that predicts better identifies no new cause; arguments as of `why_no_cause`."""
+    forms = variants(effect)
+    match why_no_cause(effect, q, present):
+        case NoCause.OTHER_FORM:
+            there = (plain_name(name) for name in forms if name in present)
+            return f"another formula for {' and '.join(there)}, no new cause"
+        case NoCause.FREE_FORM:
+            return f"an empirical term that may stand for {' or '.join(map(plain_name, forms))}"
+        case NoCause.FEW_ANGLES:
+            return "an empirical term: with so few angles any function of that joint's angle fits as well"
+        case NoCause.LITTLE:
+            return "an empirical term: it explains too little to be called a cause"
 
 
 def left_values(left: ResidualPatterns) -> dict[str, object]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.assessment import Assessment
@@ -19,6 +19,12 @@ WHY_NOT = {
     Verdict.UNPREDICTABLE: "the error exceeds the noise, but nothing measured predicts it.",
 }
 """Why no cause was identified."""
+WHY_NO_CAUSE = {
+    NoCause.FREE_FORM: WHY_NOT[Verdict.EFFECT_DESCRIBES],
+    NoCause.FEW_ANGLES: "with so few angles of its joint, any function of the angle fits as well.",
+    NoCause.LITTLE: "the best effect explains too little of the error to be called its cause.",
+}
+"""The same where an effect predicts better."""
 LEFT = {
     Verdict.NOTHING_MISSING: "no further systematic error is seen.",
     Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
@@ -76,11 +82,9 @@ def _quiet(assessment: Assessment) -> str:
 def _of_term(assessment: Assessment, term: RankedCandidate) -> str:
     """Why an effect that only describes is no cause."""
     diagnosis = assessment.report.diagnosis
-    refined = set(variants(term.effect)) & {one.name for one in diagnosis.fit.model.effects}
-    if refined:
-        return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
-    if term.effect.is_free_form:
-        return _not_identified(assessment, WHY_NOT[Verdict.EFFECT_DESCRIBES])
-    if not can_be_contradicted(term.effect, diagnosis.data.poses.q):
-        return _not_identified(assessment, "with so few angles of its joint, any function of the angle fits as well.")
-    return _not_identified(assessment, "the best effect explains too little of the error to be called its cause.")
+    present = {effect.name for effect in diagnosis.fit.model.effects}
+    why = why_no_cause(term.effect, diagnosis.data.poses.q, present)
+    if why is not NoCause.OTHER_FORM:
+        return _not_identified(assessment, WHY_NO_CAUSE[why])
+    refined = sorted(map(plain_name, present & set(variants(term.effect))))
+    return f"No new cause: the formula of {enumerate_words(refined, LISTED)} is not exact."

@@ -17,7 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.companion import improves_beside
-from lrm_ident.diagnosis.contradiction import can_be_contradicted, levels_of_its_own
+from lrm_ident.diagnosis.contradiction import NoCause, can_be_contradicted, levels_of_its_own, why_no_cause
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -482,6 +482,15 @@ def test_joints_that_move_together_show_no_cause(seed: int, slope: float, other:
     q[:, 1] = slope * q[:, joint] + 0.2
     assert levels_of_its_own(q, 1) <= 2
     assert not can_be_contradicted(GEAR, q)
+
+
+def test_only_a_formula_that_angles_could_contradict_fails_for_its_size_alone() -> None:
+    """A free form stands for any of several effects, unless the model has one of them: then it is its other form."""
+    curve = effects_at(LAB, "angle_curve@joint2")[0]
+    assert why_no_cause(GEAR, grid(9)) is NoCause.LITTLE
+    assert why_no_cause(GEAR, grid(2)) is NoCause.FEW_ANGLES
+    assert why_no_cause(curve, grid(9), ["backlash@joint2"]) is NoCause.FREE_FORM
+    assert why_no_cause(curve, grid(9), [GAIN.name]) is NoCause.OTHER_FORM
 
 
 def test_what_follows_no_single_angle_is_not_judged_by_angles() -> None:
