@@ -36,9 +36,9 @@ from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.executors import executor_for, processes_for
 from lrm_ident.fitting.priors import load_rates
 from lrm_ident.fitting.progress import TimeOfParts
-from lrm_ident.report.diagnosis.conclusion import CommandNames
 from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.next_steps import CommandNames
 from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.document import write
 from lrm_ident.report.effects import WHAT_A_FIELD_IS

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.candidate_trial import CandidateTrial, Refit, refit_trial
-from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -117,7 +117,7 @@ class ConfirmedDiagnosis:
         after, before = self.refit.error.rms, error_stats(self.held_out).rms
         little = takes_little(after, before, self.diagnosis.floor.rms or 0.0)
         effect, q = self.first.candidate.effect, self.diagnosis.data.poses.q
-        return little or effect.is_free_form or not can_be_contradicted(effect, q)
+        return little or why_no_cause(effect, q) is not NoCause.LITTLE
 
     @property
     def verdict_by_refits(self) -> Verdict:

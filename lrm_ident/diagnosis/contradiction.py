@@ -1,17 +1,45 @@
-"""Whether measured angles could contradict an effect's formula: where they could not, its fit shows no cause."""
+"""Why an effect that predicts better shows no cause: its formula is free, measured angles could not contradict it, or
+it explains too little."""
 
 from __future__ import annotations
+
+from collections.abc import Collection
+from enum import StrEnum
 
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
+from lrm_math.effects import Effect, variants
 from lrm_math.effects.base import AngleDependentEffect, Excitation
 from lrm_math.effects.servo_errors import Coupling, coupled_joints
 from lrm_math.kinematics.poses import poses_of
 
 MORE_LEVELS = 2
 """Levels of an angle beyond a formula's parameters: one goes to the joint's offset, one can contradict it."""
+
+
+class NoCause(StrEnum):
+    """Why an effect that predicts better shows no cause."""
+
+    OTHER_FORM = "other_form"
+    """It is another form of effects that the model has."""
+    FREE_FORM = "free_form"
+    """It may stand for any of several effects (`variants`)."""
+    FEW_ANGLES = "few_angles"
+    """The measured angles could not contradict its formula."""
+    LITTLE = "little"
+    """It explains too little."""
+
+
+def why_no_cause(effect: Effect, q: Array, present: Collection[str] = ()) -> NoCause:
+    """Reason why an effect that predicts better shows no cause, if it shows none; without another it is `LITTLE`.
+
+    Args:
+        q: (N, n), measured commands (rad). present: effects (`effect@place`) of the model.
+    """
+    if effect.is_free_form:
+        return NoCause.FREE_FORM if set(variants(effect)).isdisjoint(present) else NoCause.OTHER_FORM
+    return NoCause.LITTLE if can_be_contradicted(effect, q) else NoCause.FEW_ANGLES
 
 
 def can_be_contradicted(effect: Effect, q: Array) -> bool:

@@ -15,8 +15,9 @@ from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, te
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.typical_prior import TYPICAL
-from lrm_ident.report.diagnosis.conclusion import LACKS, UNKNOWN_FILES, CommandNames, Conclusion
+from lrm_ident.report.diagnosis.conclusion import LACKS, Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import step_title

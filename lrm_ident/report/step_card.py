@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lrm_ident.data.wording import in_mm
-from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.text.claims import in_words, outliers_left_out, stated, turned
@@ -104,7 +104,7 @@ def step_cards(
                 tuple(entry.indistinguishable),
                 rivals=None if entry.rivals_mm is None else {name: mm * MM for name, mm in entry.rivals_mm.items()},
                 of_present=any(name in effects[-1] for effect in added for name in variants(effect)),
-                describes=any(effect.is_free_form or not can_be_contradicted(effect, rest.poses.q) for effect in added),
+                describes=any(why_no_cause(effect, rest.poses.q) is not NoCause.LITTLE for effect in added),
             ),
         )
 

@@ -15,14 +15,14 @@ from validation.as_deployed.outcome import examined, ratio
 from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.recording import FRESH, in_shown_frame
 from validation.as_deployed.results import line_of, report, results_file
-from validation.as_deployed.worlds import PARTS, SimulatedCase, keys_of
+from validation.as_deployed.worlds import PARTS, OngoingCase, cases_of
 from validation.synthetic import Schedule, true_state
 
 
 @pytest.mark.slow
 def test_a_case_is_examined_written_and_reported(tmp_path: Path) -> None:
     key = "catalogue/first/restart3/60/0"
-    case = SimulatedCase.of(key)
+    case = OngoingCase.of(key)
     record = {"hidden": case.hidden, **examined(case.record())}
     assert record["steps"][0]["added"] == "session@joint3"
     assert record["before_mm"] > 1.0
@@ -38,12 +38,11 @@ def test_a_case_is_examined_written_and_reported(tmp_path: Path) -> None:
 
 
 def test_keys_name_their_cases_once() -> None:
-    keys = [key for part in PARTS for key in keys_of(part, None, (300, 80))]
-    assert len(set(keys)) == len(keys)
-    for key in keys:
-        if key.partition("/")[0] not in ("loop", "board", "real"):
-            case = SimulatedCase.of(key)
-            assert (case.key, bool(case.hidden)) == (key, True)
+    cases = [case for part in PARTS for case in cases_of(part, [], (300, 80))]
+    assert len({case.key for case in cases}) == len(cases)
+    for case in cases:
+        assert OngoingCase.of(case.key) == case
+        assert case.part in ("loop", "board", "real") or case.hidden
 
 
 def test_fresh_poses_are_the_next_of_the_last_session() -> None:

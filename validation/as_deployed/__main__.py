@@ -26,7 +26,7 @@ from lrm_math.errors import FileError
 from validation.as_deployed.examine import examine
 from validation.as_deployed.real_arm import MEASUREMENTS
 from validation.as_deployed.results import line_of, report, results_file
-from validation.as_deployed.worlds import COUNTS, PARTS, keys_of
+from validation.as_deployed.worlds import COUNTS, PARTS, cases_of
 from validation.options import asked
 from validation.runner import run_cases
 
@@ -48,13 +48,13 @@ def main() -> int:
     )
     there = options.real is not None and (options.real / MEASUREMENTS).exists()
     parts = [part for part in options.part if part != "real" or there]
-    keys = [key for part in parts for key in keys_of(part, options.seeds, options.poses)]
-    chosen = [key for key in keys if not options.only or any(word in key for word in options.only)][:: options.every]
-    of_key = partial(examine, real=options.real, speed=options.speed)
+    every = {one.key: one for part in parts for one in cases_of(part, options.seeds, options.poses)}
+    keys = [key for key in every if not options.only or any(word in key for word in options.only)][:: options.every]
+    of_case = partial(examine, real=options.real, speed=options.speed)
     try:
         beside = {} if options.beside is None else results_file(options.beside).read()
         file = results_file(options.out)
-        found = run_cases({key: key for key in chosen}, of_key, line_of, options.jobs, file=file)
+        found = run_cases({key: every[key] for key in keys}, of_case, line_of, options.jobs, file=file)
     except FileError as problem:
         print(problem, file=sys.stderr)
         return 2

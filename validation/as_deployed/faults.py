@@ -1,8 +1,7 @@
 """Worlds of the third catalogue, faults of measurements, that go on.
 
-A fault of the arm goes on: it acts on measured and fresh poses, moments lie within the measurement, and what grows
-stays as it is at its end. A fault of rows or people spoils the measurement alone. A fault of the tracker spoils it
-too, and fresh tips are given in the frame that it shows at the end.
+A fault of the arm acts on measured and fresh poses; moments lie within the measurement, and what grows stays as it is
+at its end. Of a tracker's, fresh tips are given in the frame that it shows at the end. Others are over by then.
 """
 
 from __future__ import annotations
@@ -16,35 +15,13 @@ from validation.as_deployed.catalogue import continued_schedule
 from validation.as_deployed.recording import FRESH, WorldRecording, in_shown_frame
 from validation.hidden_effects.case import FAULTS_REPORT, FIRST_SEED, Case, stable_seed
 from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG, NOISE_M
-from validation.hidden_effects.faults import blind, loose_parts, people, trackers, transmissions
+from validation.hidden_effects.faults import people
 from validation.hidden_effects.faults.cases import BLIND_FAULTS, FAULT_CASES
-from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
+from validation.hidden_effects.faults.measurement import GoesOn, HealthyMeasurement, SpoiledMeasurement
 from validation.synthetic import Dataset, GroundTruth, base_displacement_to_deviations, load_arm, measure, random_poses
 from validation.synthetic.generate import rounded
 
-OF_ARM = (
-    people.other_tool,
-    blind.wears_where_it_works,
-    blind.gives_way_beyond_a_torque,
-    blind.stands_off_beyond_zero,
-    blind.overshoots_by_the_way,
-    blind.servo_replaced,
-    blind.load_written_wrongly,
-    blind.follows_a_square,
-)
-OF_ARM_MODULES = (loose_parts.__name__, transmissions.__name__)
-TRACKER = (
-    trackers.lens,
-    trackers.perspective,
-    trackers.azimuth_wave,
-    trackers.sheared,
-    blind.two_cameras,
-    trackers.grows,
-    trackers.creeping_tripod,
-    trackers.wandering,
-)
-PUSHED_TRACKER = (trackers.moved_between, trackers.moved_meanwhile, trackers.moved_twice)
-WITHOUT_END = (blind.rows_sorted_afterwards,)
+WITHOUT_END = (people.rows_sorted_afterwards,)
 """Its order of rows is not that of time: no pose comes after it."""
 FAULTS = {f"fault/{one.name}": one for one in (*FAULT_CASES, *BLIND_FAULTS) if one.spoil not in WITHOUT_END}
 
@@ -97,12 +74,12 @@ def fault_recording(case: Case, seed: int, poses: int) -> WorldRecording:
         return case.spoil(kind(*of, measured=poses))
 
     exact = np.zeros_like(noise)
-    if case.spoil in OF_ARM or case.spoil.__module__ in OF_ARM_MODULES:
+    if case.goes_on is GoesOn.ARM:
         found, tips = spoiled(len(q), noise), spoiled(len(q), exact).tcp[poses:]
     else:
         found, tips = spoiled(poses, noise), true[poses:]
-        if case.spoil in (*TRACKER, *PUSHED_TRACKER):
-            rows = slice(poses - poses // 10 if case.spoil in PUSHED_TRACKER else 0, poses)
+        if case.goes_on in (GoesOn.FRAME, GoesOn.LAST_FRAME):
+            rows = slice(poses - poses // 10 if case.goes_on is GoesOn.LAST_FRAME else 0, poses)
             tips = in_shown_frame(true[rows], spoiled(poses, exact, EndOfMeasurement).tcp[rows], tips)
     written = (_then(found.q, q), _then(found.load, load), _then(found.tcp, true))
     session = _then(found.session, np.full(len(q), 1.0 if found.session is None else found.session[-1]))

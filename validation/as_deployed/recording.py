@@ -18,6 +18,7 @@ import numpy as np
 
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.similarity import similarity
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
@@ -138,7 +139,4 @@ def in_shown_frame(true_m: Array, shown_m: Array, points_m: Array) -> Array:
     """Points (P, 3) moved by the rigid motion that brings true points (N, 3) nearest to shown ones (Kabsch 1976)."""
     if np.array_equal(true_m, shown_m):
         return points_m
-    a, b = true_m.mean(axis=0), shown_m.mean(axis=0)
-    U, _, Vt = np.linalg.svd((shown_m - b).T @ (true_m - a))
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return np.asarray((points_m - a) @ R.T + b)
+    return similarity(true_m, shown_m, np.ones(len(true_m)), mirrored=False, scale=1.0).apply(points_m)

@@ -50,8 +50,8 @@ WORLDS: dict[str, dict[str, OngoingWorld]] = {
 
 
 @dataclass(frozen=True)
-class SimulatedCase:
-    """A world of a part, by name, measured at so many poses, with a seed."""
+class OngoingCase:
+    """A world of a part, by name, measured at so many poses, with a seed; of the real arm poses are folds."""
 
     part: str
     name: str
@@ -59,7 +59,7 @@ class SimulatedCase:
     seed: int
 
     @classmethod
-    def of(cls, key: str) -> SimulatedCase:
+    def of(cls, key: str) -> OngoingCase:
         """The case of a key."""
         part, rest = key.split("/", 1)
         name, poses, seed = rest.rsplit("/", 2)
@@ -72,7 +72,7 @@ class SimulatedCase:
 
     @property
     def hidden(self) -> str:
-        """The truth, in the tool's words where it has some."""
+        """The truth of a simulated world, in the tool's words where it has some."""
         return WORLDS[self.part][self.name].hidden(self.seed)
 
     def record(self) -> WorldRecording:
@@ -80,26 +80,16 @@ class SimulatedCase:
         return WORLDS[self.part][self.name].record(self.seed, self.poses)
 
 
-def cases_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> Iterator[SimulatedCase]:
-    """The cases of a part in their order; seeds: None for those that the part has by itself."""
-    if part == "lean":
-        yield from (SimulatedCase(part, "lean", Lean.of(seed).poses, seed) for seed in seeds or range(SEEDS))
-        return
-    for count in counts if part == "catalogue" else counts[:1]:
-        for seed in seeds or (0,):
-            worlds = WORLDS[part].items()
-            yield from (SimulatedCase(part, name, world.poses or count, seed) for name, world in worlds)
-
-
-def keys_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> list[str]:
-    """Keys of all cases of a part."""
+def cases_of(part: str, seeds: Sequence[int], counts: Sequence[int]) -> Iterator[OngoingCase]:
+    """The cases of a part in their order; without seeds, those that the part has by itself."""
     if part == "real":
-        return [f"{part}/{name}/{FOLDS}/0" for name in REAL]
-    if part in ("loop", "board"):
-        return [f"{part}/loop/{POSES}/{seed}" for seed in seeds or range(SEEDS)]
-    return [one.key for one in cases_of(part, seeds, counts)]
-
-
-def seed_of(key: str) -> int:
-    """Seed of a case's key."""
-    return int(key.rpartition("/")[2])
+        yield from (OngoingCase(part, name, FOLDS, 0) for name in REAL)
+    elif part == "lean":
+        yield from (OngoingCase(part, part, Lean.of(seed).poses, seed) for seed in seeds or range(SEEDS))
+    elif part in ("loop", "board"):
+        yield from (OngoingCase(part, "loop", POSES, seed) for seed in seeds or range(SEEDS))
+    else:
+        for count in counts if part == "catalogue" else counts[:1]:
+            for seed in seeds or (0,):
+                worlds = WORLDS[part].items()
+                yield from (OngoingCase(part, name, world.poses or count, seed) for name, world in worlds)

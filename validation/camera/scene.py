@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.conventions import frame_motion
+from lrm_ident.data.registration.similarity import similarity
 from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.opencv import opencv
@@ -150,6 +152,5 @@ def tip_error(true: CameraRig, fitted: Model, session: CameraSession, poses: Pos
     board = true.camera @ true.boards(solve_equilibrium(true.model, poses))
     truth = board[:, :3, :3] @ tip + board[:, :3, 3]
     found = solve_equilibrium(fitted, poses).tcp
-    turn, _ = Rotation.align_vectors(truth - truth.mean(axis=0), found - found.mean(axis=0))
-    left = turn.apply(found - found.mean(axis=0)) - (truth - truth.mean(axis=0))
-    return float(np.sqrt((left**2).sum(axis=1).mean()))
+    motion = similarity(found, truth, np.ones(len(found)), mirrored=False, scale=1.0)
+    return error_stats(motion.apply(found) - truth).rms

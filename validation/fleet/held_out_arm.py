@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.fitting.loss import SQUARED
@@ -59,8 +58,7 @@ def tip_error(arm: ArmOfKind, model: Model) -> float:
     """RMS distance (mm) of the model's tip from the true one, at goals that were not measured; the first pose, before
     which no direction is known, left out."""
     poses, truth = arm.goals()
-    apart = (solve_equilibrium(model, poses).tcp - truth)[1:]
-    return float(np.sqrt((apart**2).sum(axis=1).mean()) * 1e3)
+    return 1e3 * error_stats((solve_equilibrium(model, poses).tcp - truth)[1:]).rms
 
 
 def _named(run: AutoRun) -> list[tuple[str, ...]]:

@@ -21,6 +21,7 @@ from lrm_math.errors import LrmError
 from validation.hidden_effects.case import ARM_FILE, Case
 from validation.hidden_effects.cases import SINGLE
 from validation.hidden_effects.data import dataset
+from validation.interval_coverage import TWO_SIDED_95
 from validation.options import Count, asked
 from validation.runner import run_cases
 from validation.synthetic import ArmDescription, Dataset, HiddenEffect, write
@@ -39,7 +40,6 @@ from validation.synthetic.hidden_memory import (
 )
 from validation.synthetic.hidden_tracker import SkewTracker
 
-TWO_SIDED_95 = 1.959964
 SPRINGS = ("joint2", "joint3", "joint4")
 """Joints whose compliance every case tells."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth
 from examples.so101.launch import simulated_so101
+from lrm_ident.data.error_stats import error_stats
 from lrm_math.arrays import Array
 from validation.lerobot_robot.fitted_model import fit_hidden
 from validation.lerobot_robot.simulated_follower import angles_of, follower, rest_at, with_retries
@@ -49,7 +50,7 @@ def closed_loop(effect: str, seed: int, folder: Path) -> TipErrors:
                 rests.append(rest_at(robot, link, q)[1])
                 seen.append(angles_of(with_retries(robot, robot.get_observation)) - q)
     goals = slice(1, None, 2)
-    off, calibrated, least = (_rms(np.array(tips) - drawn, goals) for tips in (without, rests, floor))
+    off, calibrated, least = (error_stats((np.array(tips) - drawn)[goals]).rms for tips in (without, rests, floor))
     return TipErrors(off, calibrated, least, float(np.sqrt(np.mean(np.square(seen)[goals]))))
 
 
@@ -68,7 +69,3 @@ def perfect_commands(arm: ArmDescription, truth: GroundTruth, path: Array, tips:
     for _ in range(STEPS):
         q = q + np.einsum("pij,pj->pi", back, tips - true_state(arm, truth, q, 0.0, schedule).tcp_m)
     return q
-
-
-def _rms(errors: Array, rows: slice) -> float:
-    return float(np.sqrt(np.mean(np.sum(errors[rows] ** 2, axis=1))))

@@ -41,7 +41,7 @@ from lrm_math.errors import LrmError
 from lrmd.sim.control_socket import query_board
 from validation.lerobot_robot.closed_loop import both_sides
 from validation.lerobot_robot.fitted_model import fit_hidden
-from validation.lerobot_robot.simulated_follower import MOTORS, ROBOT_ID, Parsed, with_retries
+from validation.lerobot_robot.simulated_follower import MOTORS, ROBOT_ID, Parsed, with_retries, write_calibration
 from validation.synthetic import GroundTruth, load_arm, random_poses, true_state
 from validation.tables import markdown_table, table_row
 
@@ -135,13 +135,9 @@ def simulated_arms(folder: Path, prefixes: Sequence[str]) -> Iterator[list[Recor
 @contextmanager
 def connected(folder: Path, arms: Sequence[RecordedArm], calibrated: bool) -> Iterator[Any]:
     """LeRobot's robot of these arms, made of a command line's words."""
-    swept = {
-        name: {"id": number, "drive_mode": 0, "homing_offset": 0, "range_min": 1, "range_max": 4095}
-        for number, name in enumerate(MOTORS, start=1)
-    }
     for arm in arms:
         tail = f"_{arm.prefix.strip('_')}" if arm.prefix else ""
-        (folder / f"{ROBOT_ID}{tail}.json").write_text(json.dumps(swept))
+        write_calibration(folder / f"{ROBOT_ID}{tail}.json")
     one = len(arms) == 1
     options = {"id": ROBOT_ID, "calibration_dir": str(folder)}
     options["type"] = ("so101_follower" if one else "bi_so_follower") + ("_calibrated" if calibrated else "")

@@ -32,15 +32,20 @@ class Parsed:
     robot: RobotConfig
 
 
-@contextmanager
-def follower(link: Path, kind: str, **options: str) -> Iterator[Any]:
-    """A connected robot of a type that LeRobot knows or finds, with its motors' calibration file."""
-    register_third_party_plugins()
+def write_calibration(path: Path) -> None:
+    """LeRobot's calibration file of an arm whose motors were swept over their whole range."""
     swept = {
         name: {"id": number, "drive_mode": 0, "homing_offset": 0, "range_min": 1, "range_max": 4095}
         for number, name in enumerate(MOTORS, start=1)
     }
-    (link.parent / f"{ROBOT_ID}.json").write_text(json.dumps(swept))
+    path.write_text(json.dumps(swept))
+
+
+@contextmanager
+def follower(link: Path, kind: str, **options: str) -> Iterator[Any]:
+    """A connected robot of a type that LeRobot knows or finds, with its motors' calibration file."""
+    register_third_party_plugins()
+    write_calibration(link.parent / f"{ROBOT_ID}.json")
     given = {"type": kind, "port": str(link), "id": ROBOT_ID, "calibration_dir": str(link.parent), **options}
     config = draccus.parse(Parsed, args=[f"--robot.{name}={value}" for name, value in given.items()]).robot
     robot = make_robot_from_config(config)

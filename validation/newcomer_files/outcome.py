@@ -13,6 +13,7 @@ from unittest import mock
 import numpy as np
 
 from lrm_ident.cli.app import main
+from lrm_ident.data.error_stats import error_stats
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -97,7 +98,7 @@ def classify(kind: str, change: FileChange, healthy: Array) -> ChangeOutcome:
         if code == 0:
             try:
                 q = probes(load_arm(change.files.arm_name))
-                difference = float(np.sqrt(((predictions(model, q) - healthy) ** 2).sum(axis=1).mean()))
+                difference = error_stats(predictions(model, q) - healthy).rms
             except LrmError:
                 difference = float("inf")
         outcome = outcome_of(code, named, difference is not None and not difference < TOLERANCE)

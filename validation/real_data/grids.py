@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import lrm_ident as lrm
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_math.arrays import Array
@@ -66,7 +67,7 @@ def held_out(data: Measurements) -> dict[str, float]:
             left[name][rows] = left[RIGID][rows] - learn(known.poses.q, rest, unseen.poses.q)
         ours = lrm.Study.of(known).fit().model
         left[OURS][rows] = unseen.tcp - solve_equilibrium(ours, unseen.poses).tcp
-    return {name: float(np.sqrt((error**2).sum(axis=1).mean())) for name, error in left.items()}
+    return {name: error_stats(error).rms for name, error in left.items()}
 
 
 def parts(data: Measurements) -> Iterator[tuple[Measurements, Measurements, Array]]:

@@ -25,7 +25,7 @@ from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.residual.better_prediction import vuong_z
 from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef
-from validation.hidden_effects.intervals import TWO_SIDED_95
+from validation.interval_coverage import TWO_SIDED_95
 from validation.options import Count, asked
 from validation.real_data.__main__ import SOURCES
 from validation.real_data.grids import GridSource

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import lrm_ident as lrm
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.write import write_with_metadata
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.similarity import rigid_motion_between
@@ -69,7 +70,7 @@ class TouchSource:
                 for method, beside in errors(known, unseen).items():
                     left.setdefault(method, []).append(beside)
         every = {method: np.concatenate(parts) for method, parts in left.items()}
-        return {method: float(np.sqrt((error**2).sum(axis=1).mean())) for method, error in every.items()}
+        return {method: error_stats(error).rms for method, error in every.items()}
 
     def _parts(self, folder: Path) -> Iterator[tuple[Measurements, Measurements]]:
         """Touches that are known and that are predicted, for each placement."""

@@ -11,6 +11,7 @@ from tempfile import mkdtemp
 
 import numpy as np
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import DataFile, PowerOn
 from lrm_ident.measuring.campaign.plan import PlannedPose
@@ -43,8 +44,8 @@ def examine(poses: int, frames: bool, case: tuple[float, str]) -> dict[str, obje
     rng = np.random.default_rng(5)
     plan = [PlannedPose(k + 1, tuple(rng.uniform(-1.0, 1.0, 6).tolist()), 0.0, (), k + 1) for k in range(poses)]
     seconds, errors = measured(rover, plan, timing)
-    rms, most = np.sqrt(np.mean(np.sum(errors**2, axis=1))), np.linalg.norm(errors, axis=1).max()
-    figures = {"seconds": seconds, "error_rms_mm": 1e3 * float(rms), "error_max_mm": 1e3 * float(most)}
+    error = error_stats(errors)
+    figures = {"seconds": seconds, "error_rms_mm": 1e3 * error.rms, "error_max_mm": 1e3 * error.max}
     return {"pwm_hz": hz, "frames": frames, "timing": name, "poses": len(errors), **figures}
 
 

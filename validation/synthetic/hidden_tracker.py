@@ -60,29 +60,50 @@ class DistanceDependentNoise(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class StereoSteps(HiddenEffect):
-    """Two cameras that match whole pixels: the distance comes in steps that grow with its square. No name says so."""
+class RangeError(HiddenEffect):
+    """An error of the distance from a device at from_m: along the line of sight."""
 
-    camera_m: Vector3
-    step_per_m: float
+    from_m: Vector3
+
+    def error(self, far: Array) -> Array:
+        """Error (P, 1) of distances (P, 1), m."""
+        raise NotImplementedError
 
     def measurement_error(self, tcp_m: Array) -> Array:
-        sight, far = _sight(tcp_m, self.camera_m)
-        seen = 1.0 / (np.round(1.0 / far / self.step_per_m) * self.step_per_m)
-        return np.asarray((seen / far - 1.0) * sight)
+        sight = tcp_m - np.array(self.from_m)
+        far = np.linalg.norm(sight, axis=1, keepdims=True)
+        return np.asarray(self.error(far) * sight / far)
 
 
 @dataclass(frozen=True)
-class CyclicDistance(HiddenEffect):
+class StereoSteps(RangeError):
+    """Two cameras that match whole pixels: the distance comes in steps that grow with its square. No name says so."""
+
+    step_per_m: float
+
+    def error(self, far: Array) -> Array:
+        return 1.0 / (np.round(1.0 / far / self.step_per_m) * self.step_per_m) - far
+
+
+@dataclass(frozen=True)
+class CyclicDistance(RangeError):
     """A distance meter that counts phases: its distance errs by a wave of half the wavelength. No name says so."""
 
-    meter_m: Vector3
     half_wave_m: float
     size_m: float
 
-    def measurement_error(self, tcp_m: Array) -> Array:
-        sight, far = _sight(tcp_m, self.meter_m)
-        return np.asarray(self.size_m * np.sin(2.0 * np.pi * far / self.half_wave_m) * sight / far)
+    def error(self, far: Array) -> Array:
+        return np.asarray(self.size_m * np.sin(2.0 * np.pi * far / self.half_wave_m))
+
+
+@dataclass(frozen=True)
+class DepthTracker(RangeError):
+    """A camera whose scale of depth grows with the distance, by share_per_m."""
+
+    share_per_m: float
+
+    def error(self, far: Array) -> Array:
+        return self.share_per_m * (far - np.linalg.norm(CENTRE_M - np.array(self.from_m))) ** 2
 
 
 @dataclass(frozen=True)
@@ -131,22 +152,3 @@ class LensTracker(HiddenEffect):
         apart = tcp_m - CENTRE_M
         square = (apart**2).sum(axis=1, keepdims=True) / REACH_M**2
         return np.asarray(self.share * square * apart)
-
-
-@dataclass(frozen=True)
-class DepthTracker(HiddenEffect):
-    """A camera whose scale of depth grows with the distance, by share_per_m."""
-
-    camera_m: Vector3
-    share_per_m: float
-
-    def measurement_error(self, tcp_m: Array) -> Array:
-        sight, far = _sight(tcp_m, self.camera_m)
-        middle = np.linalg.norm(CENTRE_M - np.array(self.camera_m))
-        return np.asarray(self.share_per_m * (far - middle) ** 2 * sight / far)
-
-
-def _sight(tcp_m: Array, from_m: Vector3) -> tuple[Array, Array]:
-    """Lines of sight (P, 3) to the positions, and their lengths (P, 1), m."""
-    sight = tcp_m - np.array(from_m)
-    return sight, np.asarray(np.linalg.norm(sight, axis=1, keepdims=True))

@@ -1,17 +1,18 @@
 """Public recordings of touched sockets (MUKCa: a ball in two sockets, 50 mm apart) as files of touches.
 
 A clone of github.com/platonics-delft/kinematics_calibration has them as data/ARM/PLACEMENT/hole_K.csv: joint angles
-(rad) without a header, one row a touch. Nothing of it is kept here.
+(rad) without a header, one row a touch; the arm's file is made of its URDF by `lrm-ident arm import`. Nothing of it is
+kept here.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.data.measurement_file.write import write_with_metadata
+from validation.options import asked
 
 DISTANCE_MM = 50.0
 SOURCE = "github.com/platonics-delft/kinematics_calibration"
@@ -32,18 +33,19 @@ def touches(folder: Path, placements: list[str]) -> str:
 
 def main() -> None:
     """Writes the touches of an arm, of all its placements or of those named, as a CSV and the file beside it."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("folder", type=Path, help="data/ARM of a clone")
-    parser.add_argument("arm", help="arm file, made of its URDF by lrm-ident arm import")
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--placements", default="", help="by commas; else all")
-    parser.add_argument("--without", default="", help="placements left out, by commas")
-    asked = parser.parse_args()
-    every = sorted(path.name for path in asked.folder.iterdir() if path.is_dir())
-    chosen = asked.placements.split(",") if asked.placements else every
-    chosen = [name for name in chosen if name not in asked.without.split(",")]
-    text = touches(asked.folder, chosen)
-    write_with_metadata(asked.output, text, asked.arm, SOURCE, distances={"hole_0-hole_1": DISTANCE_MM})
+    given = asked(
+        main.__doc__,
+        "folder",
+        "arm",
+        out=Path("touches.csv"),
+        placements=("", "by commas; else all"),
+        without=("", "placements left out, by commas"),
+    )
+    every = sorted(path.name for path in given.folder.iterdir() if path.is_dir())
+    named = given.placements.split(",") if given.placements else every
+    chosen = [name for name in named if name not in given.without.split(",")]
+    text = touches(given.folder, chosen)
+    write_with_metadata(given.out, text, str(given.arm), SOURCE, distances={"hole_0-hole_1": DISTANCE_MM})
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.similarity import similarity
 from lrm_ident.measuring.sockets.board import SocketBoard
@@ -267,7 +268,7 @@ def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
     true = tips(q, 1000)
     found = solve_equilibrium(as_deployed(study.model), deployed_poses(q)).tcp
     motion = similarity(found, true, np.ones(len(q)), mirrored=False, scale=1.0)
-    return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
+    return 1e3 * error_stats(motion.apply(found) - true).rms
 
 
 def socket_measurements(tips: Tips, seed: int, count: int, folder: Path) -> Measurements:

@@ -9,7 +9,8 @@ import numpy as np
 
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.measuring.excitation.motion_design import MotionDesign, MotionDesignTask
-from lrm_ident.report.diagnosis.conclusion import Conclusion, NextStep
+from lrm_ident.report.diagnosis.conclusion import Conclusion
+from lrm_ident.report.diagnosis.next_steps import NextStep
 from lrm_ident.report.document import Document, ResultTable
 
 LISTED = 4

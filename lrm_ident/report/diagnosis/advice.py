@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from lrm_ident.design.advice import Advice, advise, advise_beside
 from lrm_ident.design.expected_lead import CandidateCause
-from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.report.diagnosis.assessment import Assessment
 from lrm_math.effects import Effect, variants
 
 MOST_CAUSES = 4
@@ -22,27 +21,19 @@ BY_ORDER = frozenset({"time", "session"})
 """What only the order of measuring can tell, and no choice of poses; but a memory shows where poses are held."""
 
 
-def causes_of(report: DiagnosisReport) -> Sequence[str]:
+def causes_of(assessment: Assessment) -> Sequence[str]:
     """Candidate causes (`effect@place`) that poses to be measured could distinguish; the effect to add is the first, or
     the first of the model that may be another one."""
-    first, attribution = report.first, attribution_of(report)
-    effects = _effects_of(report)
-    if first is None or attribution is None:
-        name, others = next(iter(unsure_of(report).items()), ("", ())) if report.verdict.quiet else ("", ())
+    effects, first = _effects_of(assessment.report), assessment.first
+    if first is None:
+        name, others = next(iter(assessment.unsure.items()), ("", ())) if assessment.quiet else ("", ())
         names = [one for one in (name, *others) if one in effects]
         remembers = any(effects[one].remembers for one in names)
         found = [one for one in names if remembers or _by_poses(effects[one])][:MOST_CAUSES]
         return found if found[:1] == [name] else ()
-    stands_for = variants(first.effect) if attribution == Support.DESCRIPTION else (first.name,)
+    stands_for = (first.name,) if assessment.term is None else variants(first.effect)
     named = dict.fromkeys((*stands_for, *first.equivalent))
     return [name for name in named if name in effects and _by_poses(effects[name])][:MOST_CAUSES]
-
-
-def unsure_of(report: DiagnosisReport) -> Mapping[str, Sequence[str]]:
-    """Effects of the model that may be another one, which it has not, and which."""
-    present = {effect.name for effect in report.diagnosis.fit.model.effects}
-    absent = {name: [one for one in others if one not in present] for name, others in report.indistinguishable.items()}
-    return {name: others for name, others in absent.items() if others and name in present}
 
 
 def _by_poses(effect: Effect) -> bool:
@@ -59,7 +50,7 @@ def _effects_of(report: DiagnosisReport) -> dict[str, Effect]:
 @lru_cache(maxsize=1)
 def advice_of(report: DiagnosisReport) -> Advice | None:
     """The advice of a diagnosis, computed once; None where it leaves nothing to distinguish."""
-    names = causes_of(report)
+    names = causes_of(Assessment.of(report))
     if len(names) < 2:
         return None
     diagnosis = report.diagnosis

@@ -17,8 +17,10 @@ from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objectio
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude, why_candidate
+from lrm_ident.report.diagnosis.cause_facts import why_candidate
+from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
+from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
@@ -26,7 +28,7 @@ from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.story import ANEW, Story, at_poses
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
 from lrm_ident.report.text.reasons import no_law_words, reason_words
-from lrm_ident.report.text.residuals import WHY_OFF, doubtful_law_sentence, raised_sentence, scale_sentence
+from lrm_ident.report.text.residuals import WHY_OFF, error_raised_sentence, law_may_be_wrong_sentence, scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.noise_floor import noise_floor
@@ -185,7 +187,8 @@ def course_document(
     fell = _last_errors(course, nested) if story is None else (("error", story.sentence), *story.facts)
     again = () if nested.error is None else (("chosen again", chosen_again(nested.frequency, len(nested.chosen))),)
     why_not = () if nested.error is not None else (("nested error", f"not computed: {nested.reason}"),)
-    facts = Facts((*_sizes(course), *fell, *raised_facts(course), *doubtful_laws(course), *again, *why_not))
+    warnings = *error_raised_on_the_arm(course), *laws_that_may_be_wrong(course)
+    facts = Facts((*_sizes(course), *fell, *warnings, *again, *why_not))
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
     open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
@@ -220,22 +223,22 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
         label = ""
 
 
-def raised_facts(course: AutoRun) -> Iterator[tuple[str, str]]:
+def error_raised_on_the_arm(course: AutoRun) -> Iterator[tuple[str, str]]:
     """The error on the arm, where what was added raises it; none beside an effect of the tracker, whose own error its
     points have."""
     ends = course.steps[0].held_out, course.steps[-1].held_out
     first, last = (None if end is None else end.deployed for end in ends)
     of_tracker = any(effect.part is ModelPart.MEASUREMENT for effect in course.model.effects)
-    if first is not None and last is not None and not of_tracker and (words := raised_sentence(first, last)):
+    if first is not None and last is not None and not of_tracker and (words := error_raised_sentence(first, last)):
         yield "on the arm", words
 
 
-def doubtful_laws(course: AutoRun) -> Iterator[tuple[str, str]]:
+def laws_that_may_be_wrong(course: AutoRun) -> Iterator[tuple[str, str]]:
     """Laws that the daemon follows from its record, where more than a known noise is left."""
     state = course.model.state
     if state is not None and course.diagnosis.above_floor:
         followed = [plain_name(name) for name in (*state.warming, *state.memory)]
-        yield from (("law", words) for words in [doubtful_law_sentence(followed)] if words)
+        yield from (("law", words) for words in [law_may_be_wrong_sentence(followed)] if words)
 
 
 def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:

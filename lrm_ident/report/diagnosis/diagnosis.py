@@ -13,20 +13,16 @@ from lrm_ident.diagnosis.attribution import (
     unexplained_mean_square,
     unexplained_ratio,
 )
-from lrm_ident.diagnosis.contradiction import can_be_contradicted
+from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
-from lrm_ident.report.diagnosis.conclusion import (
-    UNKNOWN_FILES,
-    CommandNames,
-    Conclusion,
-    conclude,
-    explains_part,
-    valid_where,
-)
+from lrm_ident.report.diagnosis.cause_facts import explains_part
+from lrm_ident.report.diagnosis.conclusion import Conclusion, conclude
+from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
+from lrm_ident.report.diagnosis.pose_facts import valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.advice import advice_sentence, next_step
@@ -244,19 +240,18 @@ def explains_words(share: float, floor_known: bool) -> str:
 
 
 def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
-    """Reason why an effect that predicts better identifies no new cause.
-
-    Args:
-        q: (N, n), measured commands (rad). present: effects (`effect@place`) of the model.
-    """
-    refines = variants(effect)
-    if there := [name for name in refines if name in present]:
-        return f"another formula for {' and '.join(map(plain_name, there))}, no new cause"
-    if refines:
-        return f"an empirical term that may stand for {' or '.join(map(plain_name, refines))}"
-    if not can_be_contradicted(effect, q):
-        return "an empirical term: with so few angles any function of that joint's angle fits as well"
-    return "an empirical term: it explains too little to be called a cause"
+    """Reason why an effect that predicts better identifies no new cause; arguments as of `why_no_cause`."""
+    forms = variants(effect)
+    match why_no_cause(effect, q, present):
+        case NoCause.OTHER_FORM:
+            there = (plain_name(name) for name in forms if name in present)
+            return f"another formula for {' and '.join(there)}, no new cause"
+        case NoCause.FREE_FORM:
+            return f"an empirical term that may stand for {' or '.join(map(plain_name, forms))}"
+        case NoCause.FEW_ANGLES:
+            return "an empirical term: with so few angles any function of that joint's angle fits as well"
+        case NoCause.LITTLE:
+            return "an empirical term: it explains too little to be called a cause"
 
 
 def left_values(left: ResidualPatterns) -> dict[str, object]:

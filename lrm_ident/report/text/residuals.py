@@ -124,7 +124,7 @@ def scale_sentence(scale: ScaleUncertainty | None) -> str:
     )
 
 
-def raised_sentence(before: DeployedError, after: DeployedError) -> str:
+def error_raised_sentence(before: DeployedError, after: DeployedError) -> str:
     """By how much a model errs more on the arm than an earlier one, held out; empty where it does not, or where the two
     errors are not of all poses both.
 
@@ -141,7 +141,7 @@ def raised_sentence(before: DeployedError, after: DeployedError) -> str:
     return ""
 
 
-def doubtful_law_sentence(laws: Sequence[str]) -> str:
+def law_may_be_wrong_sentence(laws: Sequence[str]) -> str:
     """What lrmd follows although more than the noise is left beside it (plain names of effects); empty where nothing.
 
     A law that the residual contradicts is an interpolation: it predicts the poses of its session, at their pace.

@@ -29,7 +29,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.sweep import soak
 from validation.as_deployed.leaning import Lean, leaning_recording
-from validation.as_deployed.worlds import SimulatedCase
+from validation.as_deployed.worlds import OngoingCase
 from validation.hidden_effects.case import DEG
 from validation.synthetic import ArmDescription, BaseRocking, HiddenEffect, SkewTracker
 from validation.synthetic.hidden_links import RockingFeet
@@ -168,7 +168,7 @@ def test_a_curve_of_the_tracker_is_refused_where_it_leaves_more_than_the_noise(n
 
 def test_a_tracker_that_leaves_more_than_the_noise_must_not_make_the_deployed_arm_worse() -> None:
     """A marker that is hidden at times: no effect fits, the frame fits in part, and the arm would change with it."""
-    recording = SimulatedCase.of("catalogue/second/hidden-marker/unforeseen/300/0").record()
+    recording = OngoingCase.of("catalogue/second/hidden-marker/unforeseen/300/0").record()
     with TemporaryDirectory() as folder:
         data, _ = recording.load(Path(folder))
     found = diagnose(Study.of(data).fit().model, data)

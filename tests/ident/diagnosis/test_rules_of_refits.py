@@ -17,7 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.companion import improves_beside
-from lrm_ident.diagnosis.contradiction import can_be_contradicted, levels_of_its_own
+from lrm_ident.diagnosis.contradiction import NoCause, can_be_contradicted, levels_of_its_own, why_no_cause
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -38,7 +38,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import ModelPart, effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.step_name import ADD, StepName
-from validation.as_deployed.worlds import SimulatedCase
+from validation.as_deployed.worlds import OngoingCase
 
 POSES = 40
 Patch = pytest.MonkeyPatch
@@ -347,7 +347,7 @@ def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
     ],
 )
 def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Path) -> None:
-    data, _ = SimulatedCase.of(world).record().load(tmp_path)
+    data, _ = OngoingCase.of(world).record().load(tmp_path)
     study = Study.of(data).fit()
     assert study.step is not None
     plain = study.step.fit
@@ -371,7 +371,7 @@ def test_a_memory_shows_only_where_a_spring_does_not_fit_as_well(
     world: str, effect: str, shown: bool, tmp_path: Path
 ) -> None:
     """A link that bends, measured every 56 s, was called creep of the base with a time constant of 17 s."""
-    data, _ = SimulatedCase.of(world).record().load(tmp_path)
+    data, _ = OngoingCase.of(world).record().load(tmp_path)
     study = Study.of(data).fit()
     [one] = effects_at(study.model.arm, effect)
     named = add_effects(study.taken.fit.model, study.data, [one])
@@ -438,7 +438,7 @@ def test_what_forecasts_cannot_judge_is_left_to_the_cross_validation(monkeypatch
 @pytest.mark.long
 def test_two_that_hide_each_other_are_confirmed_together(tmp_path: Path) -> None:
     """A tracker's scale and a screw that slipped: neither alone makes the deployed model surely better."""
-    data, _ = SimulatedCase.of("catalogue/pair/stretched+slip2/80/0").record().load(tmp_path)
+    data, _ = OngoingCase.of("catalogue/pair/stretched+slip2/80/0").record().load(tmp_path)
     found = confirm.confirm(Study.of(data).fit().screen())
     assert found.first is not None
     assert found.first.name == "change_point@joint2"
@@ -482,6 +482,15 @@ def test_joints_that_move_together_show_no_cause(seed: int, slope: float, other:
     q[:, 1] = slope * q[:, joint] + 0.2
     assert levels_of_its_own(q, 1) <= 2
     assert not can_be_contradicted(GEAR, q)
+
+
+def test_only_a_formula_that_angles_could_contradict_fails_for_its_size_alone() -> None:
+    """A free form stands for any of several effects, unless the model has one of them: then it is its other form."""
+    curve = effects_at(LAB, "angle_curve@joint2")[0]
+    assert why_no_cause(GEAR, grid(9)) is NoCause.LITTLE
+    assert why_no_cause(GEAR, grid(2)) is NoCause.FEW_ANGLES
+    assert why_no_cause(curve, grid(9), ["backlash@joint2"]) is NoCause.FREE_FORM
+    assert why_no_cause(curve, grid(9), [GAIN.name]) is NoCause.OTHER_FORM
 
 
 def test_what_follows_no_single_angle_is_not_judged_by_angles() -> None:

@@ -15,8 +15,11 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
-from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude, valid_where
+from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.headline import HEADLINES
+from lrm_ident.report.diagnosis.next_steps import CommandNames
+from lrm_ident.report.diagnosis.pose_facts import valid_where
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.text.advice import NEXT_STEP, next_step

@@ -11,12 +11,12 @@ import pytest
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.symbolic_regression.proposal import NoLaw
-from lrm_ident.report.diagnosis.course import doubtful_laws, raised_facts
+from lrm_ident.report.diagnosis.course import error_raised_on_the_arm, laws_that_may_be_wrong
 from lrm_ident.report.document import Document, stated
 from lrm_ident.report.fit import deployed_rows
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import NO_LAW, reason_words
-from lrm_ident.report.text.residuals import hint_sentence, raised_sentence, scale_sentence
+from lrm_ident.report.text.residuals import error_raised_sentence, hint_sentence, scale_sentence
 from lrm_ident.report.text.variables import what_may_change
 from lrm_ident.residual.covariates import ExplanatoryVariable, Kind
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
@@ -185,11 +185,11 @@ def test_auto_says_where_the_arm_gets_a_worse_model() -> None:
     state = StateAfterSession({"creep@joint2": "last"}, {}, memory={"creep@joint2": SessionMemory({}, (0.0,), (1.0,))})
     started, remembers = DeployedError(SHOWN), DeployedError(SHOWN, time_unknown=MORE, state=state)
     told = "3.00 mm RMS, before auto 2.00 mm, after a restart of lrmd, which then does not know the earlier moves"
-    assert raised_sentence(started, remembers) == told
-    assert raised_sentence(started, DeployedError(SHOWN, time_unknown=MORE)).endswith("time since power-on")
-    assert raised_sentence(started, DeployedError(MORE)) == "3.00 mm RMS, before auto 2.00 mm, as deployed"
-    assert not raised_sentence(DeployedError(MORE), DeployedError(SHOWN, time_unknown=MORE))
-    assert not raised_sentence(started, DeployedError(MORE, fewer=113)), "of other poses"
+    assert error_raised_sentence(started, remembers) == told
+    assert error_raised_sentence(started, DeployedError(SHOWN, time_unknown=MORE)).endswith("time since power-on")
+    assert error_raised_sentence(started, DeployedError(MORE)) == "3.00 mm RMS, before auto 2.00 mm, as deployed"
+    assert not error_raised_sentence(DeployedError(MORE), DeployedError(SHOWN, time_unknown=MORE))
+    assert not error_raised_sentence(started, DeployedError(MORE, fewer=113)), "of other poses"
 
 
 @pytest.mark.parametrize(("effect", "said"), [("drift@joint2", True), ("measurement_frame@frame", False)])
@@ -197,7 +197,7 @@ def test_the_points_of_a_tracker_that_errs_do_not_tell_what_the_arm_gets(effect:
     ends = [SimpleNamespace(held_out=SimpleNamespace(deployed=DeployedError(one))) for one in (SHOWN, MORE)]
     model = SimpleNamespace(effects=effects_at(load_arm("lrm-lab"), effect))
     course: Any = SimpleNamespace(steps=ends, model=model)
-    assert [label for label, _ in raised_facts(course)] == ["on the arm"] * said
+    assert [label for label, _ in error_raised_on_the_arm(course)] == ["on the arm"] * said
 
 
 @pytest.mark.parametrize("above", [True, False])
@@ -206,7 +206,7 @@ def test_a_law_that_is_followed_is_doubted_where_more_than_the_noise_is_left(abo
     memory = {"creep@joint2": SessionMemory({}, (0.0,), (1.0,))}
     state = StateAfterSession({}, {}, {"drift@joint3": 0.0}, memory)
     course: Any = SimpleNamespace(model=SimpleNamespace(state=state), diagnosis=SimpleNamespace(above_floor=above))
-    facts = [*doubtful_laws(course)]
+    facts = [*laws_that_may_be_wrong(course)]
     assert [label for label, _ in facts] == ["law"] * above
     assert all(words.startswith("lrmd follows warm-up drift of joint 3, creep of joint 2. ") for _, words in facts)
 

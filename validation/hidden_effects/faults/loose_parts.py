@@ -83,3 +83,38 @@ def tool_slips_under_load(taken: HealthyMeasurement) -> SpoiledMeasurement:
     by = np.radians(taken.rng.uniform(1.5, 3.0)) * loaded
     joint = taken.q.shape[1] - 2
     return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "change_point"))
+
+
+def wears_where_it_works(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """Play in the worn part of a gear, and none where it hardly ever stands."""
+    joint = taken.joint()
+    side = np.tanh(20.0 * np.cos(taken.q[:, 1 : joint + 1].sum(axis=1)))
+    worn = np.exp(-((taken.q[:, joint] / np.radians(35.0)) ** 2))
+    by = np.radians(taken.rng.uniform(1.0, 1.8)) * side * worn
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "backlash"))
+
+
+def gives_way_beyond_a_torque(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """A servo holds up to a torque, and sags beyond it."""
+    joint = taken.joint()
+    torque = np.cos(taken.q[:, 1 : joint + 1].sum(axis=1)) * taken.weight_moment
+    beyond = np.sign(torque) * np.maximum(np.abs(torque) - 0.4 * np.abs(torque).max(), 0.0)
+    by = np.radians(taken.rng.uniform(1.5, 2.5)) * beyond / np.abs(beyond).max()
+    named = ("nonlinear_stiffness", "torque_curve", "compliance", "backlash")
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *named))
+
+
+def overshoots_by_the_way(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """A servo goes too far by a part of its last motion."""
+    joint = taken.joint()
+    by = taken.rng.uniform(0.008, 0.015) * np.diff(taken.q[:, joint], prepend=0.0)
+    named = ("hysteresis", "friction_curve")
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *named))
+
+
+def servo_replaced(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """From one pose on another servo turns a joint, with another zero and another gain."""
+    joint, since = taken.joint(), np.arange(len(taken.q)) >= taken.moment()
+    off, gain = np.radians(taken.rng.uniform(0.5, 1.0)), taken.rng.uniform(0.008, 0.015)
+    by = since * (off + gain * taken.q[:, joint])
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, "change_point"))

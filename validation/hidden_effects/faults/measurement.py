@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects.reference import EffectRef
+
+
+class GoesOn(Enum):
+    """What of a fault goes on after the measurement that it spoils."""
+
+    NOTHING = "over: rows, files, people, single readings"
+    ARM = "the arm stays as it is"
+    FRAME = "the tracker errs as at the end; tips are wanted in the frame that it shows"
+    LAST_FRAME = "the same of a tracker that was pushed: the frame of its last readings"
+
 
 NOISE_M = 0.0003  # per axis
 QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")

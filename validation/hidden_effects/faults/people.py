@@ -59,3 +59,21 @@ def rounded_positions(taken: HealthyMeasurement) -> SpoiledMeasurement:
 def heavy_tails(taken: HealthyMeasurement) -> SpoiledMeasurement:
     noise = taken.rng.standard_t(3.0, taken.tcp.shape) / np.sqrt(3.0)
     return SpoiledMeasurement(taken.at(taken.q) + 0.3 * NOISE_M * noise)
+
+
+def rows_sorted_afterwards(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """A joint drifted, and somebody sorted the rows by the first joint: their order tells nothing any more."""
+    joint, order = taken.joint(), np.argsort(taken.q[:, 0])
+    tcp = taken.moved(joint, np.radians(taken.rng.uniform(0.8, 1.4)) * (taken.progress - 0.5))
+    return SpoiledMeasurement(tcp[order], q=taken.q[order], load=taken.load[order])
+
+
+def somebody_walks_by(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """The table shakes while one pose in ten is measured."""
+    shaken = (taken.rng.random(len(taken.q)) < 0.1)[:, None]
+    return SpoiledMeasurement(taken.tcp + shaken * taken.rng.normal(scale=0.002, size=taken.tcp.shape))
+
+
+def load_written_wrongly(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """The load was put on a scale that shows twice as much."""
+    return SpoiledMeasurement(taken.tcp, load=2.0 * taken.load, right=("payload@tool",))

@@ -104,3 +104,29 @@ def noisier_afar(taken: HealthyMeasurement) -> SpoiledMeasurement:
     far = np.linalg.norm(taken.tcp - CAMERA_M, axis=1)
     part = (far - far.min()) / np.ptp(far)
     return SpoiledMeasurement(taken.tcp + 2.3 * NOISE_M * part[:, None] * taken.rng.normal(size=taken.tcp.shape))
+
+
+def another_marker(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """The tracker took another marker of the gripper for the target, in one pose of fifteen."""
+    turned = taken.moved(taken.q.shape[1] - 2, np.full(len(taken.q), 0.3)) - taken.tcp
+    off = turned / np.linalg.norm(turned, axis=1, keepdims=True) * taken.rng.uniform(0.012, 0.02)
+    mistaken = (taken.rng.random(len(taken.q)) < 1.0 / 15.0)[:, None]
+    return SpoiledMeasurement(np.where(mistaken, taken.tcp + off, taken.tcp))
+
+
+def base_sinks_and_is_put_right(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """The base tilts more and more, and is put right at one pose."""
+    since, tilt = taken.moment(), np.radians(taken.rng.uniform(0.4, 0.8))
+    row = np.arange(len(taken.q))
+    by = tilt * np.where(row < since, row / since, 0.0)
+    x, y, z = taken.tcp.T
+    tilted = np.stack([np.cos(by) * x + np.sin(by) * z, y, np.cos(by) * z - np.sin(by) * x], axis=1)
+    return SpoiledMeasurement(tilted, right=(*BASE, "second_change_point@base"))
+
+
+def two_cameras(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """One half of the space is seen by another camera, whose position is known a little wrongly."""
+    off = taken.rng.normal(size=3)
+    off *= taken.rng.uniform(0.0015, 0.0025) / np.linalg.norm(off)
+    seen = np.where(taken.tcp[:, 1:2] > np.median(taken.tcp[:, 1]), taken.tcp + off, taken.tcp)
+    return SpoiledMeasurement(seen, right=FRAME)

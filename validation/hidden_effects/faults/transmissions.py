@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_math.arm.place_names import both, turned_by
+from lrm_math.effects.reference import EffectRef
 from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement, at_joint
 
 COMMON = ("common_gain@servos",)
@@ -87,3 +89,21 @@ def rubs(taken: HealthyMeasurement) -> SpoiledMeasurement:
     joint = taken.joint()
     by = np.sin(2.0 * taken.q[:, joint]) * np.cos(taken.q[:, joint + 1])
     return SpoiledMeasurement(taken.moved(joint, np.radians(taken.rng.uniform(0.6, 0.9)) * by))
+
+
+def stands_off_beyond_zero(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """A servo's horn stands off by a step where its pulse is longer than in the middle."""
+    joint = taken.joint()
+    by = np.radians(taken.rng.uniform(0.5, 0.9)) * (taken.q[:, joint] > 0.0)
+    return SpoiledMeasurement(taken.moved(joint, by), right=at_joint(joint, *OF_ANGLE))
+
+
+def follows_a_square(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """A hose bends with the joint before and pulls on the next one, both ways alike."""
+    joint = taken.joint()
+    before = taken.q[:, joint - 1]
+    by = np.radians(taken.rng.uniform(0.8, 1.4)) * (before / np.abs(before).max()) ** 2
+    one, other = f"joint{joint}", f"joint{joint + 1}"
+    place = turned_by(other, one)
+    right = EffectRef("coupling", place), EffectRef("coupling_curve", place), EffectRef("cable_curve", both(one, other))
+    return SpoiledMeasurement(taken.moved(joint, by), right=tuple(map(str, right)))

@@ -13,7 +13,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
 from lrm_ident.diagnosis.judgement import Verdict
-from lrm_ident.report.diagnosis.conclusion import FIRST, UNKNOWN_FILES
+from lrm_ident.report.diagnosis.conclusion import FIRST
+from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of

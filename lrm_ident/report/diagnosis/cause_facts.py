@@ -1,0 +1,162 @@
+"""Facts on the cause: how certain it is, what else it could be, and what to repair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from lrm_ident.data.wording import enumerate_words, in_mm
+from lrm_ident.diagnosis.attribution import explained_by_first, unexplained_ratio
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.reason import ReasonKind
+from lrm_ident.report.diagnosis.advice import advice_of
+from lrm_ident.report.diagnosis.assessment import Assessment
+from lrm_ident.report.plain_names import (
+    enumerate_effects,
+    place_in_words,
+    plain_name,
+    repair_advice,
+    with_id,
+    words_of,
+)
+from lrm_ident.report.text.variables import function_name, what_may_change
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
+from lrm_math.effects import variants
+
+LISTED = 4
+NOT_YET = "nothing yet: the cause is not certain"
+"""What to repair while the cause is not sure; the next step on a terminal says as much."""
+OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
+PART = 0.15
+"""Share of the squared error from which an effect is said to explain part of it."""
+NOT_LASTING = frozenset({ReasonKind.NOT_BETTER_LATER, ReasonKind.WORSE_DEPLOYED})
+"""Reasons that refuse an effect for later poses, not for these."""
+
+
+def certainty(assessment: Assessment, cause: RankedCandidate) -> str:
+    """How certain the cause is that is to be added, and what it may be in its place."""
+    report, rivals = assessment.report, enumerate_effects(cause.equivalent, LISTED)
+    if not assessment.identified:
+        why = why_candidate(report, cause.name, report.replicates, *(explained_by_first(report) or (0.0, 0.0)))
+        return f"only a candidate cause: {why}.{f' These poses cannot distinguish it from {rivals}.' if rivals else ''}"
+    if rivals:
+        return f"it, or {rivals}: indistinguishable with these poses"
+    unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
+    return f"identified: {_runner_up(report, cause)}{unsure}"
+
+
+def indistinguishable_causes(assessment: Assessment) -> str:
+    """Which effects of the model may be which others, and whether no poses would tell; empty: all are sure."""
+    unsure, advice = assessment.unsure, advice_of(assessment.report)
+    either = (f"{plain_name(name)}, or {enumerate_effects(others, LISTED)}" for name, others in unsure.items())
+    none = len(unsure) == 1 and advice is not None and advice.plan is not None and not advice.helps
+    others = ", and with all others that were tried" if none else ""
+    return f"{'; '.join(either)}: indistinguishable with these poses{others}" if unsure else ""
+
+
+def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explained: float, left: float) -> str:
+    """Why an effect is a candidate cause and no identified one.
+
+    Args:
+        replicates: whether both halves of the data choose it. explained, left: squared errors that it explains, and
+            that stay unexplained, in one unit.
+    """
+    if not replicates:
+        return "the two halves of the data do not agree on it"
+    if name in report.misspecified:
+        return OTHERWISE
+    if explained <= 0.0:
+        return "it does not lower the error of the tip, so the cause may be another"
+    ratio = unexplained_ratio(explained, left)
+    return (
+        f"{ratio:.1f} times the squared error that it explains stays unexplained (limit {MAX_UNEXPLAINED_RATIO:.2f}), "
+        "so the cause may be another"
+    )
+
+
+def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
+    """What the next best effect leaves that could be the cause; splines, which follow any cause, are none."""
+    own = {first.name, *variants(first.effect)}
+    others = [
+        one
+        for one in report.ranking
+        if one is not first
+        and one.effect.names_a_cause
+        and not one.effect.is_free_form
+        and one.name not in own
+        and not one.scored.implausible
+    ]
+    if not others:
+        return "no other known cause explains any of it"
+    least = min(one.held_out_rms for one in others)
+    curves = (one for one in report.ranking if one is not first and one.effect.is_free_form)
+    if any(one.held_out_rms < least for one in curves):
+        return f"other causes leave ≈ {in_mm(least)} mm or more, splines less"
+    return f"every other known cause leaves ≈ {in_mm(least)} mm or more"
+
+
+def stands_for(report: DiagnosisReport, term: RankedCandidate) -> str:
+    """The causes that an empirical term may stand for."""
+    present = {effect.name for effect in report.diagnosis.fit.model.effects}
+    return enumerate_effects([name for name in variants(term.effect) if name not in present], LISTED)
+
+
+def acts_most_like(report: DiagnosisReport) -> str:
+    """What explains most of an unexplained error, if enough to be worth a word: a free function, or a known effect that
+    is not named since later poses speak against it."""
+    found, held_out = report.diagnosis.unexplained, report.held_out.rms
+    left = dict(report.functions)
+    best = found.functions[0] if found.functions else next(iter(left), None)
+    function_left = left.get(best, np.inf) if best is not None else np.inf
+    known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
+    if known is not None and known.held_out_rms < function_left and explains_part(known.held_out_rms, held_out):
+        of = f"{with_id(known.name)}, which leaves ≈ {in_mm(known.held_out_rms)} mm here"
+        return f"{of}. Not named, since it does not surely help at later poses"
+    if best is None or not explains_part(function_left, held_out):
+        return ""
+    question = what_may_change(best)
+    return f"{function_name(best)}, which leaves {in_mm(function_left)} mm{question and f'. {question}'}"
+
+
+def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
+    """The known effects that fit the session, and are refused for what the arm does later."""
+    for one in report.ranking:
+        why = one.reason.because
+        if why is not None and why.kind in NOT_LASTING and not one.effect.is_free_form:
+            yield one
+
+
+def explains_part(left: float, before: float) -> bool:
+    """Whether an effect or a function that leaves one held-out RMS of another explains enough to be worth a word."""
+    return 1.0 - (left / before) ** 2 >= PART
+
+
+def repair(assessment: Assessment) -> str:
+    """What to do with one's hands: about the identified cause, or about those that the model has already."""
+    if assessment.quiet:
+        return _repair_of_model(assessment)
+    if assessment.cause is None or not assessment.identified:
+        return NOT_YET
+    cause = assessment.cause
+    return _repair_of_either((cause.name, *cause.equivalent)) if cause.equivalent else repair_advice(cause.effect)
+
+
+def _repair_of_model(assessment: Assessment) -> str:
+    """The same about the causes that the model has already; without one, where its empirical terms act."""
+    certain = [effect for name, effect in assessment.causes.items() if name not in assessment.unsure]
+    if assessment.terms and not assessment.causes:
+        places = dict.fromkeys(map(place_in_words, assessment.terms))
+        return f"{NOT_YET}; look there first: {enumerate_words(list(places), LISTED)}"
+    if assessment.causes and not certain:
+        return _repair_of_either(next((name, *others) for name, others in assessment.unsure.items()))
+    return repair_advice(*certain[:LISTED])
+
+
+def _repair_of_either(names: Sequence[str]) -> str:
+    """What to do with one's hands about each of several causes, of which one is there."""
+    repairs = (
+        (plain_name(name), words_of(name, "repair").format(place=place_in_words(name))) for name in names[:LISTED]
+    )
+    either = "; ".join(f"if {name}: {repair}" for name, repair in repairs if repair)
+    return f"not yet known which: {either}" if either else NOT_YET

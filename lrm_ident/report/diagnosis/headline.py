@@ -1,0 +1,90 @@
+"""Headline of a conclusion: what is missing, or that nothing is found, in one sentence."""
+
+from __future__ import annotations
+
+from lrm_ident.data.wording import enumerate_words
+from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
+from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
+from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.report.diagnosis.assessment import Assessment
+from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
+from lrm_math.effects import compensable, variants
+
+LISTED, NAMED = 4, 2
+MISSING = "Missing from the model"
+NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
+WHY_NOT = {
+    Verdict.EFFECT_DESCRIBES: "the error is systematic, but these poses do not show why.",
+    Verdict.UNEXPLAINED_STRUCTURE: "the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: "the error exceeds the noise, but nothing measured predicts it.",
+}
+"""Why no cause was identified."""
+WHY_NO_CAUSE = {
+    NoCause.FREE_FORM: WHY_NOT[Verdict.EFFECT_DESCRIBES],
+    NoCause.FEW_ANGLES: "with so few angles of its joint, any function of the angle fits as well.",
+    NoCause.LITTLE: "the best effect explains too little of the error to be called its cause.",
+}
+"""The same where an effect predicts better."""
+LEFT = {
+    Verdict.NOTHING_MISSING: "no further systematic error is seen.",
+    Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
+}
+"""What is left where no missing effect was found."""
+CHANGES = "but the arm goes on changing: earlier poses predict the later ones worse."
+"""Of an arm whose later poses are worse predicted from those before them than from all around."""
+HEADLINES = {
+    **{verdict: f"{NOT_IDENTIFIED}: {why}" for verdict, why in WHY_NOT.items()},
+    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: {LEFT[Verdict.NOTHING_MISSING]}",
+    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, {LEFT[Verdict.NOISE_UNKNOWN]}",
+}
+"""First lines of the verdicts that name no effect to add as a cause."""
+
+
+def headline(assessment: Assessment) -> str:
+    """The headline of a conclusion."""
+    if assessment.term is not None:
+        return _of_term(assessment, assessment.term)
+    if assessment.quiet:
+        return _quiet(assessment)
+    if assessment.cause is None:
+        return _not_identified(assessment, WHY_NOT[assessment.report.verdict])
+    what = with_id(assessment.cause.name)
+    if not assessment.identified:
+        return f"An effect is missing from the model. The best candidate: {what}"
+    rivals = ", or another that these poses cannot distinguish from it" if assessment.cause.equivalent else ""
+    return f"{MISSING}: {what}{rivals}"
+
+
+def _not_identified(assessment: Assessment, why: str) -> str:
+    """That no cause was identified: for what the causes leave that the model has already, if it has any."""
+    return f"{NOT_IDENTIFIED}{' for the remaining error' if assessment.causes else ''}: {why}"
+
+
+def _quiet(assessment: Assessment) -> str:
+    """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
+    known, verdict = assessment.causes, assessment.report.verdict
+    changes = assessment.report.deployed.among_measured is not None
+    left = f", {CHANGES}" if changes else f"; {LEFT[verdict]}"
+    if not known and assessment.terms:
+        what = enumerate_effects(assessment.terms, NAMED)
+        corrects = "an empirical term, corrects" if len(assessment.terms) == 1 else "empirical terms, correct"
+        return f"{NOT_IDENTIFIED}; {what}, {corrects} the error{left}"
+    if not known:
+        return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[verdict]
+    unsure = assessment.unsure
+    it = "it" if len(known) == 1 else "them" if len(unsure) == len(known) else enumerate_effects(unsure, NAMED)
+    other = f", or another cause that these poses cannot distinguish from {it}" if unsure else ""
+    all_corrected = all(compensable(effect) or effect.remembers for effect in known.values())
+    now = "corrected" if all_corrected else "in the model"
+    return f"Found: {enumerate_effects(known, NAMED)}{other}, now {now}{left}"
+
+
+def _of_term(assessment: Assessment, term: RankedCandidate) -> str:
+    """Why an effect that only describes is no cause."""
+    diagnosis = assessment.report.diagnosis
+    present = {effect.name for effect in diagnosis.fit.model.effects}
+    why = why_no_cause(term.effect, diagnosis.data.poses.q, present)
+    if why is not NoCause.OTHER_FORM:
+        return _not_identified(assessment, WHY_NO_CAUSE[why])
+    refined = sorted(map(plain_name, present & set(variants(term.effect))))
+    return f"No new cause: the formula of {enumerate_words(refined, LISTED)} is not exact."
