@@ -184,9 +184,7 @@ class Diagnosis:
     ) -> dict[str, float]:
         """Held-out RMS of the tip (m) that each of the best plausible effects not `taken` would leave alone, the least
         first: that of its refit where it was `refitted`, else by the screening (`error_of_tip`)."""
-        others = [
-            one for one in self.scored if one.name not in taken and (one.name in refitted or not one.implausible)
-        ]
+        others = [one for one in self.scored if one.name not in taken and (one.name in refitted or not one.implausible)]
         left = {one.name: refitted.get(one.name, self.error_of_tip(one.alone.rms, before)) for one in others}
         return dict(sorted(left.items(), key=lambda item: item[1])[:RIVALS_KEPT])
 

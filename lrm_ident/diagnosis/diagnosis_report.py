@@ -201,9 +201,7 @@ def _order(confirmed: ConfirmedDiagnosis, before: ErrorStats) -> list[ScoredCand
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     equivalent = diagnosis.equivalent[supported[0].name] if supported else ()
     rest = [candidate for candidate in diagnosis.scored if candidate not in supported]
-    rest.sort(
-        key=lambda one: (one.name not in equivalent, bool(one.implausible), _rms_left(one, confirmed, before))
-    )
+    rest.sort(key=lambda one: (one.name not in equivalent, bool(one.implausible), _rms_left(one, confirmed, before)))
     return [*supported, *rest]
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.screening.candidates import FORM
 from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
@@ -95,7 +94,7 @@ class BoundedFit:
         ridge = np.hstack([np.zeros((size, known)), np.sqrt(linear.ridge) * np.eye(size)])
         columns = np.vstack([np.hstack([self.columns, _projected(own, self.free)]), ridge])
         right = np.append(self.residual, np.zeros(size))
-        root = np.linalg.qr(np.column_stack([columns, right]), mode="r")  # as good as all rows
+        root = np.asarray(np.linalg.qr(np.column_stack([columns, right]), mode="r"))  # as good as all rows
         from_start = [
             ((p.lower - one.shape[row]) / p.typical, (p.upper - one.shape[row]) / p.typical)
             for row, p in zip(acting.rows, acting.parameters, strict=True)
@@ -119,14 +118,14 @@ class BoundedFit:
     ) -> list[ScoredCandidate]:
         """Plain effects that may explain more than the `first` one, or as much, the most promising first.
 
-        Within the bounds they promise to leave less than it left (by its `refit`, or by its own estimate if it has
-        none). Where a bound changed an estimate, those that prediction cannot separate from it count too: it is the
-        rule of `equivalent_effects`, in the sample. `equivalent` ones count only where a bound shows that they promise
-        more. One whose own estimate is beyond a bound is implausible by the screening, and may explain as much within
-        it. An effect of the measurement is no rival of one of the arm.
+        Within the bounds they promise to leave less than it promises itself, or left when refitted (`refit`). Where a
+        bound changed an estimate, those that prediction cannot separate from it count too: it is the rule of
+        `equivalent_effects`, in the sample. `equivalent` ones count only where a bound shows that they promise more.
+        One whose own estimate is beyond a bound is implausible by the screening, and may explain as much within it. An
+        effect of the measurement is no rival of one of the arm.
         """
         own = self.explain(first)
-        left = own.squares if refit is None else self.left_by(refit)
+        left = own.squares if refit is None else max(own.squares, self.left_by(refit), key=np.sum)
         measures = first.candidate.effect.part is ModelPart.MEASUREMENT
         before = float((self.screening.linear.residual[: self.screening.linear.measured] ** 2).sum())
         least = EQUIVALENT_GAIN * (before - float(left.sum()))
@@ -134,8 +133,9 @@ class BoundedFit:
         most = self.released.explain_each(self.released.up_to_date(self.screening.sets))
         found = []
         for one, free in zip(self.screening.scored, most, strict=True):
-            of_other = one.candidate.effect.part is ModelPart.MEASUREMENT and not measures
-            if one is first or of_other or one.candidate.priority == FORM or before - free.in_sample <= least:
+            effect = one.candidate.effect
+            of_other = effect.part is ModelPart.MEASUREMENT and not measures
+            if one is first or of_other or effect.is_free_form or before - free.in_sample <= least:
                 continue
             estimate = self.explain(one)
             rest = float(estimate.squares.sum())
