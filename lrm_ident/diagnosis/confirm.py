@@ -191,8 +191,9 @@ def confirm(
             scored = selection.supported[0]
             doubt = doubted.get(scored.name)
             trial = CandidateTrial(None, doubt) if doubt else tried(frozenset(reasons))
-            kept: Leading = selection, trial, {}
-            led, best, others = kept if doubt else _led_by_underrated(selection, trial, blocks, tested)
+            led, best, others = selection, trial, dict[str, Refit]()
+            if not doubt:
+                led, best, others = _led_by_underrated(selection, trial, blocks, tested, {*reasons, *doubted})
             if best.refit and _share_saved(best.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
                 led, best, special = _led_by_special_case(led, best, blocks, tested)
                 return ConfirmedDiagnosis(
@@ -226,10 +227,14 @@ Leading = tuple[Diagnosis, CandidateTrial, dict[str, Refit]]
 
 
 def _led_by_underrated(
-    diagnosis: Diagnosis, trial: CandidateTrial, blocks: tuple[HeldOutBlock, ...], tested: str
+    diagnosis: Diagnosis,
+    trial: CandidateTrial,
+    blocks: tuple[HeldOutBlock, ...],
+    tested: str,
+    refused: Collection[str],
 ) -> Leading:
-    """The diagnosis led by an effect that the screening underrates, where that predicts better when refitted, or alone
-    is confirmed.
+    """The diagnosis led by an effect that the screening underrates and that is not `refused`, where it predicts better
+    when refitted, or alone is confirmed.
 
     Refits that prediction cannot separate are one class, by the rule of the screening's classes. From those of the
     class of a worse first effect the better one is told apart, too, unless it moves the TCP as they do.
@@ -237,7 +242,8 @@ def _led_by_underrated(
     first = diagnosis.supported[0]
     members, tried = diagnosis.equivalent[first.name], {first.name: trial}
     bounded, fitted = BoundedFit.of(diagnosis.screening), trial.refit.fit if trial.refit else None
-    underrated = bounded.underrated(first, members, fitted)[:MOST_UNDERRATED]
+    promising = [one for one in bounded.underrated(first, members, fitted) if one.name not in refused]
+    underrated = promising[:MOST_UNDERRATED]
     tried |= {one.name: refit_trial(diagnosis, one, blocks, tested) for one in underrated}
     refits = {name: one.refit for name, one in tried.items() if one.refit}
     if not refits:

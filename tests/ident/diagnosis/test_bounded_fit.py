@@ -113,9 +113,14 @@ def test_a_bent_link_is_not_named_by_its_neighbour(bent: Diagnosis) -> None:
     assert [*found.rivals.values()] == sorted(found.rivals.values())
 
 
-def led(patch: pytest.MonkeyPatch, first: float | None, rival: float | None) -> Any:
-    """The diagnosis after the trial of a first effect and of one that is underrated: the mean squares that each leaves;
-    None: there is an objection. The first has a class of two, of which `near` moves the TCP as the rival does."""
+def led(
+    patch: pytest.MonkeyPatch, first: float | None, rival: float | None, refused: tuple[str, ...] = ()
+) -> tuple[Any, dict[str, Any]]:
+    """The diagnosis after the trial of a first effect and of one that is underrated, and the refits of others.
+
+    Each leaves a mean square; None: there is an objection. The first has a class of two, of which `near` moves the TCP
+    as the rival does. `refused`: effects that are no candidates any more.
+    """
     ripple = 0.05 * np.sin(np.arange(60))
 
     def trial(left: float | None) -> CandidateTrial:
@@ -135,8 +140,8 @@ def led(patch: pytest.MonkeyPatch, first: float | None, rival: float | None) -> 
         equivalent={"first": ("far", "near")},
         led_by=lambda leader, members: (leader.name, members),
     )
-    found, _, refits = confirmation._led_by_underrated(diagnosis, trial(first), (), "")
-    return found if refits else (found, [])
+    found, _, refits = confirmation._led_by_underrated(diagnosis, trial(first), (), "", refused)
+    return found, refits
 
 
 @pytest.mark.parametrize(
@@ -151,8 +156,14 @@ def led(patch: pytest.MonkeyPatch, first: float | None, rival: float | None) -> 
 def test_of_refits_the_least_error_leads(
     first: float | None, rival: float, leader: str, members: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = led(monkeypatch, first, rival)
-    assert (found[0] if isinstance(found[0], tuple) else found) == (leader, members)
+    found, refits = led(monkeypatch, first, rival)
+    assert found == (leader, members)
+    assert set(refits) == ({"first", "rival"} if first else {"rival"}) - {leader}
+
+
+def test_what_was_refused_is_not_refitted_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`auto` refuses an effect with which the model cannot be diagnosed: it would be added for ever."""
+    assert led(monkeypatch, 0.5, 0.3, ("rival",)) == (("first", ("far", "near")), {})
 
 
 def test_where_all_are_refused_the_trial_of_the_first_one_stays(monkeypatch: pytest.MonkeyPatch) -> None:
