@@ -183,6 +183,15 @@ def confirm(
         on_progress(f"refitting with {selection.supported[0].name}")
         return refit_trial(selection, selection.supported[0], blocks, tested)
 
+    known = dict[str, CandidateTrial]()
+
+    def trial_of(selection: Diagnosis, one: ScoredCandidate) -> CandidateTrial:
+        """The trial of an underrated effect, which is made once, whichever effect it is set beside."""
+        if one.name not in known:
+            on_progress(f"refitting with {one.name}")
+            known[one.name] = refit_trial(selection, one, blocks, tested)
+        return known[one.name]
+
     def search(doubted: Mapping[str, Reason]) -> ConfirmedDiagnosis:
         """The first selection whose refit confirms it, `doubted` effects refused without one."""
         reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
@@ -193,7 +202,7 @@ def confirm(
             trial = CandidateTrial(None, doubt) if doubt else tried(frozenset(reasons))
             led, best, others = selection, trial, dict[str, Refit]()
             if not doubt:
-                led, best, others = _led_by_underrated(selection, trial, blocks, tested, {*reasons, *doubted})
+                led, best, others = _led_by_underrated(selection, trial, trial_of, squares, {*reasons, *doubted})
             if best.refit and _share_saved(best.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
                 led, best, special = _led_by_special_case(led, best, blocks, tested)
                 return ConfirmedDiagnosis(
@@ -229,33 +238,35 @@ Leading = tuple[Diagnosis, CandidateTrial, dict[str, Refit]]
 def _led_by_underrated(
     diagnosis: Diagnosis,
     trial: CandidateTrial,
-    blocks: tuple[HeldOutBlock, ...],
-    tested: str,
+    trial_of: Callable[[Diagnosis, ScoredCandidate], CandidateTrial],
+    before: Array,
     refused: Collection[str],
 ) -> Leading:
     """The diagnosis led by an effect that the screening underrates and that is not `refused`, where it predicts better
     when refitted, or alone is confirmed.
 
-    Refits that prediction cannot separate are one class, by the rule of the screening's classes. From those of the
-    class of a worse first effect the better one is told apart, too, unless it moves the TCP as they do.
+    Refits that prediction cannot separate are one class, by the rule of the screening's classes. From a worse first
+    effect and its class the better one is told apart, unless it moves the TCP as they do.
+
+    `before`: (N,), held-out squares without either.
     """
     first = diagnosis.supported[0]
     members, tried = diagnosis.equivalent[first.name], {first.name: trial}
     bounded, fitted = BoundedFit.of(diagnosis.screening), trial.refit.fit if trial.refit else None
     promising = [one for one in bounded.underrated(first, members, fitted) if one.name not in refused]
     underrated = promising[:MOST_UNDERRATED]
-    tried |= {one.name: refit_trial(diagnosis, one, blocks, tested) for one in underrated}
+    tried |= {one.name: trial_of(diagnosis, one) for one in underrated}
     refits = {name: one.refit for name, one in tried.items() if one.refit}
     if not refits:
         return diagnosis, trial, {}
     best = min(refits, key=lambda name: float(refits[name].squares.mean()))
-    before = held_out_squares(blocks)
     alike = {name for name, refit in refits.items() if name != best and _as_good(refit, refits[best], before)}
     if best == first.name:
         found = diagnosis.led_by(first, (*members, *sorted(alike)))
     else:
         leader = next(one for one in underrated if one.name == best)
-        near = [one.name for one in diagnosis.scored if one.name in members and moves_alike(leader, one)]
+        whole = {first.name, *members}
+        near = [one.name for one in diagnosis.scored if one.name in whole and moves_alike(leader, one)]
         others = members if first.name in alike else near
         found = diagnosis.led_by(leader, tuple(dict.fromkeys([*sorted(alike), *others])))
     return found, tried[best], {name: refit for name, refit in refits.items() if name != best}

@@ -114,12 +114,16 @@ def test_a_bent_link_is_not_named_by_its_neighbour(bent: Diagnosis) -> None:
 
 
 def led(
-    patch: pytest.MonkeyPatch, first: float | None, rival: float | None, refused: tuple[str, ...] = ()
+    patch: pytest.MonkeyPatch,
+    first: float | None,
+    rival: float | None,
+    refused: tuple[str, ...] = (),
+    alike: tuple[str, ...] = ("near",),
 ) -> tuple[Any, dict[str, Any]]:
     """The diagnosis after the trial of a first effect and of one that is underrated, and the refits of others.
 
-    Each leaves a mean square; None: there is an objection. The first has a class of two, of which `near` moves the TCP
-    as the rival does. `refused`: effects that are no candidates any more.
+    Each leaves a mean square; None: there is an objection. The first has a class of two. `refused`: effects that are no
+    candidates any more. `alike`: those that move the TCP as the rival does.
     """
     ripple = 0.05 * np.sin(np.arange(60))
 
@@ -130,9 +134,7 @@ def led(
     one, other, near = (SimpleNamespace(name=name) for name in ("first", "rival", "near"))
     bounded = SimpleNamespace(underrated=lambda *_: [other])
     patch.setattr(confirmation, "BoundedFit", SimpleNamespace(of=lambda _: bounded))
-    patch.setattr(confirmation, "refit_trial", lambda *_: trial(rival))
-    patch.setattr(confirmation, "held_out_squares", lambda _: np.ones(60))
-    patch.setattr(confirmation, "moves_alike", lambda _, member: member is near)
+    patch.setattr(confirmation, "moves_alike", lambda _, member: member.name in alike)
     diagnosis: Any = SimpleNamespace(
         supported=(one,),
         screening=None,
@@ -140,7 +142,9 @@ def led(
         equivalent={"first": ("far", "near")},
         led_by=lambda leader, members: (leader.name, members),
     )
-    found, _, refits = confirmation._led_by_underrated(diagnosis, trial(first), (), "", refused)
+    found, _, refits = confirmation._led_by_underrated(
+        diagnosis, trial(first), lambda *_: trial(rival), np.ones(60), refused
+    )
     return found, refits
 
 
@@ -156,9 +160,13 @@ def led(
 def test_of_refits_the_least_error_leads(
     first: float | None, rival: float, leader: str, members: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """And a first effect that moves the TCP as it does stays in its class, however much worse its refit is."""
     found, refits = led(monkeypatch, first, rival)
     assert found == (leader, members)
     assert set(refits) == ({"first", "rival"} if first else {"rival"}) - {leader}
+    (leads, members_then), _ = led(monkeypatch, first, rival, alike=("first", "near"))
+    assert leads == leader
+    assert ("first" in members_then) is (leader == "rival")
 
 
 def test_what_was_refused_is_not_refitted_again(monkeypatch: pytest.MonkeyPatch) -> None:
