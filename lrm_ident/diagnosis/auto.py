@@ -141,7 +141,8 @@ def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
     equivalent = before.diagnosis.equivalent[chosen.name]
     return Evidence(
         equivalent,
-        rivals=before.diagnosis.rivals([chosen.name, *equivalent]),
+        rivals=before.rivals,
+        refitted=tuple(name for name in before.rivals if name in before.refits),
         refines=variants(chosen.candidate.effect),
         share=before.share,
         describes=before.describes,

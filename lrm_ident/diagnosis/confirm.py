@@ -1,7 +1,8 @@
 """Confirmation of a diagnosis, for `diagnose` and `auto`: the best candidate refitted in full and cross-validated.
 
 The first effect that the screening supports is tried (`candidate_trial`). Where that does not confirm it, effects are
-selected again without it. What an earlier step of `auto` refused as deployed is tried last.
+selected again without it. What an earlier step of `auto` refused as deployed is tried last. Effects that the linear
+screening underrates beside a confirmed one are refitted too (`underrated`): the least error leads.
 """
 
 from __future__ import annotations
@@ -15,23 +16,27 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.candidate_trial import CandidateTrial, Refit, refit_trial
 from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
+from lrm_ident.diagnosis.forward_selection import moves_alike
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.replication import replicates
+from lrm_ident.diagnosis.screening.bounded_fit import BoundedFit
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.specification_test import misspecified_effects
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_squares
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
-from lrm_ident.residual.better_prediction import share_of_excess, takes_little
+from lrm_ident.residual.better_prediction import paired_z, share_of_excess, takes_little
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.deployment.forecast_error import forecast_error
-from lrm_ident.residual.thresholds import EQUIVALENT_GAIN
+from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.effects import ModelPart
 
 MOST_SPECIAL_CASES = 2
 """Special cases of an effect that are refitted: a bound on time."""
+MOST_UNDERRATED = 2
+"""Underrated effects that are refitted beside the first one: a bound on time."""
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
 AS_DEPLOYED = (ReasonKind.WORSE_DEPLOYED, ReasonKind.NOT_BETTER_LATER)
@@ -50,6 +55,7 @@ class ConfirmedDiagnosis:
         refuted: whether one of them was refitted; one that these poses cannot tell from the model does not count.
         worse_deployed: of those refused since the deployed model would be worse: its held-out RMS without, with it (m).
         beside: the effect beside which alone the deployed model with the first one is better; empty: it needs none.
+        refits: of other effects that were refitted in place of the first one, and to which there is no objection.
     """
 
     diagnosis: Diagnosis
@@ -60,6 +66,7 @@ class ConfirmedDiagnosis:
     refuted: bool = False
     worse_deployed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     beside: str = ""
+    refits: Mapping[str, Refit] = field(default_factory=dict)
 
     @property
     def held_out(self) -> Array:
@@ -83,12 +90,21 @@ class ConfirmedDiagnosis:
         """The effect to add, if any."""
         return self.supported[0] if self.supported else None
 
+    @property
+    def rivals(self) -> dict[str, float]:
+        """Held-out RMS of the tip (m) that the next effects outside the class of the first one would leave alone, the
+        least first; by their refits where there are some. Those that a refit refused are none."""
+        first = [] if self.first is None else [self.first.name, *self.diagnosis.equivalent[self.first.name]]
+        refitted = {name: refit.error.rms for name, refit in self.refits.items()}
+        return self.diagnosis.rivals([*first, *self.refused], error_stats(self.held_out).rms, refitted)
+
     @cached_property
     def replicates(self) -> bool:
         """Whether the effect to add is chosen in both halves of the data; True where none is to be added."""
         if self.first is None:
             return True
-        return replicates(self.diagnosis.screening, self.first, self.diagnosis.equivalent[self.first.name])
+        compared = {*self.diagnosis.equivalent[self.first.name], *self.refits}
+        return replicates(self.diagnosis.screening, self.first, compared)
 
     @cached_property
     def misspecified(self) -> tuple[str, ...]:
@@ -167,6 +183,15 @@ def confirm(
         on_progress(f"refitting with {selection.supported[0].name}")
         return refit_trial(selection, selection.supported[0], blocks, tested)
 
+    known = dict[str, CandidateTrial]()
+
+    def trial_of(selection: Diagnosis, one: ScoredCandidate) -> CandidateTrial:
+        """The trial of an underrated effect, which is made once, whichever effect it is set beside."""
+        if one.name not in known:
+            on_progress(f"refitting with {one.name}")
+            known[one.name] = refit_trial(selection, one, blocks, tested)
+        return known[one.name]
+
     def search(doubted: Mapping[str, Reason]) -> ConfirmedDiagnosis:
         """The first selection whose refit confirms it, `doubted` effects refused without one."""
         reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
@@ -175,16 +200,20 @@ def confirm(
             scored = selection.supported[0]
             doubt = doubted.get(scored.name)
             trial = CandidateTrial(None, doubt) if doubt else tried(frozenset(reasons))
-            if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-                selection, trial = _led_by_special_case(selection, trial, blocks, tested)
+            led, best, others = selection, trial, dict[str, Refit]()
+            if not doubt:
+                led, best, others = _led_by_underrated(selection, trial, trial_of, squares, {*reasons, *doubted})
+            if best.refit and _share_saved(best.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
+                led, best, special = _led_by_special_case(led, best, blocks, tested)
                 return ConfirmedDiagnosis(
-                    selection,
+                    led,
                     blocks,
-                    trial.refit,
-                    selection.supported,
-                    reasons,
+                    best.refit,
+                    led.supported,
+                    reasons if trial.objection is None else reasons | {scored.name: trial.objection},
                     worse_deployed=worse,
-                    beside=trial.beside,
+                    beside=best.beside,
+                    refits=others | special,
                 )
             refuted |= trial.fitted
             if trial.worse_deployed:
@@ -202,24 +231,81 @@ def confirm(
     return found if found.refit or found.refused.keys().isdisjoint(doubted) else search({})
 
 
+Leading = tuple[Diagnosis, CandidateTrial, dict[str, Refit]]
+"""A diagnosis, the trial of its first effect, and the refits of others that do not lead."""
+
+
+def _led_by_underrated(
+    diagnosis: Diagnosis,
+    trial: CandidateTrial,
+    trial_of: Callable[[Diagnosis, ScoredCandidate], CandidateTrial],
+    before: Array,
+    refused: Collection[str],
+) -> Leading:
+    """The diagnosis led by an effect that the screening underrates and that is not `refused`, where it predicts better
+    when refitted, or alone is confirmed.
+
+    Refits that prediction cannot separate are one class, by the rule of the screening's classes. From a worse first
+    effect and its class the better one is told apart, unless it moves the TCP as they do.
+
+    `before`: (N,), held-out squares without either.
+    """
+    first = diagnosis.supported[0]
+    members, tried = diagnosis.equivalent[first.name], {first.name: trial}
+    bounded, fitted = BoundedFit.of(diagnosis.screening), trial.refit.fit if trial.refit else None
+    promising = [one for one in bounded.underrated(first, members, fitted) if one.name not in refused]
+    underrated = promising[:MOST_UNDERRATED]
+    tried |= {one.name: trial_of(diagnosis, one) for one in underrated}
+    refits = {name: one.refit for name, one in tried.items() if one.refit}
+    if not refits:
+        return diagnosis, trial, {}
+    best = min(refits, key=lambda name: float(refits[name].squares.mean()))
+    alike = {name for name, refit in refits.items() if name != best and _as_good(refit, refits[best], before)}
+    if best == first.name:
+        found = diagnosis.led_by(first, (*members, *sorted(alike)))
+    else:
+        leader = next(one for one in underrated if one.name == best)
+        whole = {first.name, *members}
+        near = [one.name for one in diagnosis.scored if one.name in whole and moves_alike(leader, one)]
+        others = members if first.name in alike else near
+        found = diagnosis.led_by(leader, tuple(dict.fromkeys([*sorted(alike), *others])))
+    return found, tried[best], {name: refit for name, refit in refits.items() if name != best}
+
+
+def _as_good(refit: Refit, best: Refit, before: Array) -> bool:
+    """Whether a refit saves more than `EQUIVALENT_GAIN` of what the best one does, and prediction cannot separate them.
+
+    `before`: (N,), held-out squares without either.
+    """
+    saved = _share_saved(refit.squares, before)
+    return saved > EQUIVALENT_GAIN * _share_saved(best.squares, before) and (
+        paired_z(best.squares, refit.squares) < Z_THRESHOLD
+    )
+
+
 def _led_by_special_case(
     diagnosis: Diagnosis, trial: CandidateTrial, blocks: tuple[HeldOutBlock, ...], tested: str
-) -> tuple[Diagnosis, CandidateTrial]:
+) -> Leading:
     """The diagnosis led by a special case of the first effect where that predicts no worse when refitted, in the
     session and as deployed, and its trial.
 
     The screening is linear: it underrates an effect whose columns turn with its estimate, such as a direction.
     Of two errors of the tracker the session decides: the points that it moved do not judge the arm without them.
     """
+    refits: dict[str, Refit] = {}
     for special in diagnosis.special_cases()[:MOST_SPECIAL_CASES]:
-        pair = (diagnosis.supported[0], special)
-        of_tracker = all(one.candidate.effect.part is ModelPart.MEASUREMENT for one in pair)
+        leader = diagnosis.supported[0]
+        of_tracker = all(one.candidate.effect.part is ModelPart.MEASUREMENT for one in (leader, special))
         instead = refit_trial(diagnosis, special, blocks, special.name if of_tracker else tested)
-        if not trial.refit or not instead.refit or not instead.refit.predicts_no_worse(trial.refit):
+        if not trial.refit or not instead.refit:
             continue
-        if of_tracker or instead.refit.deploys_no_worse(trial.refit):
-            diagnosis, trial = diagnosis.led_by(special), instead
-    return diagnosis, trial
+        as_deployed = of_tracker or instead.refit.deploys_no_worse(trial.refit)
+        if as_deployed and instead.refit.predicts_no_worse(trial.refit):
+            refits[leader.name] = trial.refit
+            diagnosis, trial = diagnosis.led_by(special, (leader.name, *diagnosis.equivalent[leader.name])), instead
+        else:
+            refits[special.name] = instead.refit
+    return diagnosis, trial, refits
 
 
 def _share_saved(after: Array, before: Array) -> float:

@@ -10,9 +10,10 @@ most; `confirm` refits all.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from scipy.special import chdtri
@@ -166,23 +167,35 @@ class Diagnosis:
         same = (form for form in forms if form.size == one.size)
         return [form.name for form in same if cosine_of_bases(one.orthonormal, form.orthonormal) > SAME_MOTIONS]
 
-    def led_by(self, other: ScoredCandidate) -> Diagnosis:
-        """The same with another member of the first supported effect's class in its place."""
+    def led_by(self, other: ScoredCandidate, members: Sequence[str]) -> Diagnosis:
+        """The same with another effect in place of the first supported one. `members`: names of its class."""
         first = self.supported[0]
-        selected = tuple(other if one is first else one for one in self.selected if one is not other)
-        members = (first.name, *(name for name in self.equivalent[first.name] if name != other.name))
+        selected = tuple(other if one is first else one for one in self.selected if one is first or one is not other)
+        rest = tuple(name for name in members if name != other.name)
         return replace(
             self,
             scored=(*selected, *(one for one in self.scored if one not in selected)),
             selected=selected,
-            equivalent={one.name: members if one is other else self.equivalent[one.name] for one in selected},
+            equivalent={one.name: rest if one is other else self.equivalent[one.name] for one in selected},
         )
 
-    def rivals(self, taken: Collection[str]) -> dict[str, float]:
-        """Held-out RMS (m) that each of the best plausible effects not `taken` would leave alone, the least first."""
-        others = [candidate for candidate in self.scored if candidate.name not in taken and not candidate.implausible]
-        nearest = sorted(others, key=lambda candidate: candidate.alone.rms)[:RIVALS_KEPT]
-        return {candidate.name: float(candidate.alone.rms) for candidate in nearest}
+    def rivals(
+        self, taken: Collection[str], before: float, refitted: Mapping[str, float] = MappingProxyType({})
+    ) -> dict[str, float]:
+        """Held-out RMS of the tip (m) that each of the best plausible effects not `taken` would leave alone, the least
+        first: that of its refit where it was `refitted`, else by the screening (`error_of_tip`)."""
+        others = [one for one in self.scored if one.name not in taken and (one.name in refitted or not one.implausible)]
+        left = {one.name: refitted.get(one.name, self.error_of_tip(one.alone.rms, before)) for one in others}
+        return dict(sorted(left.items(), key=lambda item: item[1])[:RIVALS_KEPT])
+
+    def error_of_tip(self, rms: float, before: float) -> float:
+        """Held-out RMS of the tip (m) for one that the screening estimates.
+
+        The screening weighs all that was measured of its poses by the noise. It leaves a share of its own error without
+        a candidate; the tip is estimated to keep the same share of its error `before` (m).
+        """
+        without = self.screening.linear.baseline.rms
+        return float(before * rms / without) if without else float(rms)
 
     @cached_property
     def motion_bounds(self) -> dict[str, float]:

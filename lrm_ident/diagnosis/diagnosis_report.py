@@ -41,7 +41,7 @@ class RankedCandidate:
     """One candidate with its verdict.
 
     Attributes:
-        held_out_rms: held-out RMS with it (m), by the linear screening unless `exact` (`error_of_tip`).
+        held_out_rms: held-out RMS with it (m), by the linear screening unless `exact` (`Diagnosis.error_of_tip`).
         fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed;
         deployed_without: that of the model without it, at the same poses.
         equivalent: names of effects that the data cannot distinguish from it.
@@ -128,7 +128,8 @@ class DiagnosisReport(ShownInNotebook):
     def functions(self) -> tuple[tuple[FreeFunction, float], ...]:
         """The best free functions, and the held-out RMS (m) that each would leave."""
         ranking = self.diagnosis.unexplained.ranking
-        return tuple((function, error_of_tip(rms, self.diagnosis, self.held_out)) for function, rms in ranking)
+        found, before = self.diagnosis, self.held_out.rms
+        return tuple((function, found.error_of_tip(rms, before)) for function, rms in ranking)
 
     @property
     def far_rows(self) -> tuple[int, ...]:
@@ -169,7 +170,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
     Args:
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
-    diagnosis, supported = confirmed.diagnosis, confirmed.supported
+    diagnosis = confirmed.diagnosis
     patterns = residual_patterns(
         diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable
     )
@@ -185,7 +186,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         held_out=before,
         deployed=confirmed.deployed,
         beside=confirmed.beside,
-        ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(diagnosis, supported)),
+        ranking=tuple(_rank(candidate, confirmed, before) for candidate in _order(confirmed, before)),
         share=confirmed.share,
         limitations=audit(diagnosis.data.poses, diagnosis.fit.equilibrium.joint_torque),
         patterns=patterns,
@@ -195,24 +196,24 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
     )
 
 
-def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
+def _order(confirmed: ConfirmedDiagnosis, before: ErrorStats) -> list[ScoredCandidate]:
     """Candidates in the order of the ranking: supported ones, those equivalent to the first, others by held-out RMS."""
+    diagnosis, supported = confirmed.diagnosis, confirmed.supported
     equivalent = diagnosis.equivalent[supported[0].name] if supported else ()
     rest = [candidate for candidate in diagnosis.scored if candidate not in supported]
-    rest.sort(
-        key=lambda candidate: (candidate.name not in equivalent, bool(candidate.implausible), candidate.alone.rms)
-    )
+    rest.sort(key=lambda one: (one.name not in equivalent, bool(one.implausible), _rms_left(one, confirmed, before)))
     return [*supported, *rest]
 
 
-def error_of_tip(rms: float, diagnosis: Diagnosis, before: ErrorStats) -> float:
-    """Held-out RMS of the tip (m) for one that the screening estimates.
+def _refit_of(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis) -> Refit | None:
+    """The refit with a candidate, if there is one."""
+    return confirmed.refit if scored is confirmed.first else confirmed.refits.get(scored.name)
 
-    The screening weighs all that was measured of its poses by the noise. It leaves a share of its own error without a
-    candidate; the tip is estimated to keep the same share of its error `before`.
-    """
-    without = diagnosis.screening.linear.baseline.rms
-    return before.rms * rms / without if without else rms
+
+def _rms_left(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorStats) -> float:
+    """Held-out RMS of the tip (m) with a candidate, by its refit or else by the screening; `before`: without it."""
+    refit = _refit_of(scored, confirmed)
+    return confirmed.diagnosis.error_of_tip(scored.alone.rms, before.rms) if refit is None else refit.error.rms
 
 
 def _deployed(refit: Refit, data: Measurements) -> DeployedError:
@@ -224,9 +225,8 @@ def _deployed(refit: Refit, data: Measurements) -> DeployedError:
 def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorStats) -> RankedCandidate:
     """A candidate with its verdict and the reason of it. `before`: held-out error without it."""
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    refit = confirmed.refit if scored in supported[:1] else None
-    estimated = error_of_tip(scored.alone.rms, diagnosis, before)
-    fitted, rms = (None, estimated) if refit is None else (refit.fit, refit.error.rms)
+    refit, rms = _refit_of(scored, confirmed), _rms_left(scored, confirmed, before)
+    fitted = None if refit is None else refit.fit
     estimates = screened_estimates(scored) if fitted is None else fitted_estimates(scored, fitted)
     leaders = tuple(
         candidate.name for candidate in supported[:1] if scored.name in diagnosis.equivalent[candidate.name]
@@ -245,12 +245,12 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         reason = Reason(ReasonKind.EXPLAINS, errors[::-1], (scored.name, *equivalent), claim)
     elif scored.implausible:
         reason = scored.implausible
-    elif estimated > (1.0 - MIN_GAIN) * before.rms:
+    elif rms > (1.0 - MIN_GAIN) * before.rms:
         reason = Reason(ReasonKind.LITTLE, errors)
     if function := diagnosis.unexplained.spurious.get(scored.name):
         reason = Reason(ReasonKind.RESEMBLES, subject=function)
     deployed = without = None
-    if refit is not None:
+    if refit is not None and scored is confirmed.first:
         deployed = _deployed(refit, diagnosis.data)
         rows = rows_as_deployed(refit.fit.model, diagnosis.data.poses)
         without = error_stats(deployed_residual(confirmed.blocks)[rows])

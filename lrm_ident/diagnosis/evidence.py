@@ -12,8 +12,9 @@ class Evidence:
 
     Attributes:
         equivalent: the other effects of its equivalence class, which these data cannot distinguish from it.
-        rivals: held-out RMS (m) that the next best effects outside its class would have left alone, the least first;
-            None where that is not known.
+        rivals: held-out RMS of the tip (m) that the next best effects outside its class would have left alone, the
+            least first; None where that is not known.
+        refitted: those of the rivals that were refitted; of the others it is an estimate of the linear screening.
         refines: the effects, `effect@place`, of which it is another form. of_present: whether one of them is there.
         share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
         describes: whether it only describes (`ConfirmedDiagnosis.describes`).
@@ -23,6 +24,7 @@ class Evidence:
 
     equivalent: tuple[str, ...] = ()
     rivals: Mapping[str, float] | None = None
+    refitted: tuple[str, ...] = ()
     refines: tuple[str, ...] = ()
     of_present: bool = False
     share: float = 0.0

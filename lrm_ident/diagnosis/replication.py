@@ -26,7 +26,8 @@ Halves = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 
 def replicates(screening: Screening, one: ScoredCandidate, equivalent: Collection[str]) -> bool:
-    """Whether an effect is chosen in both halves of the screened poses. `equivalent`: names that are as good as it."""
+    """Whether an effect is chosen in both halves of the screened poses. `equivalent`: names that are as good as it,
+    or were compared with it by refits."""
     rivals = [
         number
         for number, other in enumerate(screening.scored)

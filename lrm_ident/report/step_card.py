@@ -60,13 +60,14 @@ class StepCard:
 def rivals(card: StepCard, weighted: bool) -> tuple[tuple[str, str], ...]:
     """The effects that came next to a step's own, and what each would have left, of steps that kept it.
 
-    Those that are indistinguishable come first. `weighted`: more than positions was measured, so that the estimates, of
-    all that was measured, are no errors of the tip.
+    Those that are indistinguishable come first; ≈: not refitted. `weighted`: more than positions was measured, so that
+    the screening's estimates, of all that was measured, are no errors of the tip.
     """
     known, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
     why = dict.fromkeys(card.evidence.equivalent, "these poses cannot distinguish it")
     for name, left in known.items():
-        size = "not refitted" if weighted else f"{in_mm(left)} mm"
+        exact = name in card.evidence.refitted
+        size = f"{'' if exact else '≈ '}{in_mm(left)} mm" if exact or not weighted else "not refitted"
         why[name] = f"{size}{', with more parameters' if EffectRef.parse(name).id in free else ''}"
     return tuple((name, words) for name, words in why.items() if name != card.name)[:RIVALS_KEPT]
 
@@ -103,6 +104,7 @@ def step_cards(
             evidence=Evidence(
                 tuple(entry.indistinguishable),
                 rivals=None if entry.rivals_mm is None else {name: mm * MM for name, mm in entry.rivals_mm.items()},
+                refitted=tuple(entry.rivals_refitted),
                 of_present=any(name in effects[-1] for effect in added for name in variants(effect)),
                 describes=any(why_no_cause(effect, rest.poses.q) is not NoCause.LITTLE for effect in added),
             ),

@@ -73,6 +73,7 @@ def model_file(
         deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
         deployed_poses=None if held_out.deployed is None else held_out.deployed.fewer,
         rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
+        rivals_refitted=list(evidence.refitted),
         sigma=sigma_table(fit),
         covariance=covariance_table_of(fit),
         **model_tables(model),

@@ -165,7 +165,9 @@ class Study(ModelOnData, ShownInNotebook):
         notices = (*study.notices, left_out) if diagnosis.outliers else study.notices
         notices = (*notices, *as_read(assumed_steps(added, study.data.poses)))
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
-        evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent]))
+        before = study.held_out.error if diagnosis.data.several_kinds else None  # else as the screening has it
+        left = diagnosis.screening.linear.baseline.rms if before is None else before.rms
+        evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent], left))
         step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
         return replace(study, notices=notices)._after(step, study)
 

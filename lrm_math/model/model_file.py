@@ -162,7 +162,8 @@ class HistoryTable(StrictSchema):
     `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know; `deployed_poses`:
     the number of poses that it is of, where those are not all of the step's.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
-    `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
+    `rivals_mm`: the held-out RMS that other effects alone would have left, the least first; None: not known.
+    `rivals_refitted`: those of them that were refitted; of the others it is an estimate of the linear screening.
     """
 
     step: str
@@ -174,6 +175,7 @@ class HistoryTable(StrictSchema):
     deployed_rms_mm: float | None = None
     deployed_poses: int | None = None
     rivals_mm: dict[str, float] | None = None
+    rivals_refitted: list[str] = []
     effects: list[str]
     parameters: dict[str, float]
     sigma: dict[str, float] = {}

@@ -93,6 +93,7 @@ def confirmed(
 
     patch.setattr(confirm, "held_out_squares", lambda _: np.ones(POSES))
     patch.setattr(confirm, "refit_trial", refitted)
+    patch.setattr(confirm, "_led_by_underrated", lambda diagnosis, trial, *_: (diagnosis, trial, {}))
     patch.setattr(
         confirm, "select_without", lambda _, names: diagnosis(*(one for one in effects if one.name not in names))
     )
@@ -208,11 +209,17 @@ def leading(
     }
     patch.setattr(confirm, "refit_trial", lambda _, one, *__: trials[one.name])
     diagnosis: Any = SimpleNamespace(
-        supported=(first,), special_cases=lambda: [member], led_by=lambda other: SimpleNamespace(supported=(other,))
+        supported=(first,),
+        special_cases=lambda: [member],
+        led_by=lambda other, members: SimpleNamespace(supported=(other,), members=members),
+        equivalent={"large": ("small", "twin")},
     )
-    led, trial = confirm._led_by_special_case(diagnosis, trials["large"], (), "")
-    assert trial is trials[led.supported[0].name]
-    return led.supported[0].name
+    led, trial, others = confirm._led_by_special_case(diagnosis, trials["large"], (), "")
+    name = led.supported[0].name
+    assert trial is trials[name]
+    assert [*others] == [other for other in trials if other != name]
+    assert name == "large" or led.members == ("large", "small", "twin")
+    return name
 
 
 def test_a_special_case_leads_where_it_predicts_no_worse(monkeypatch: Patch) -> None:
@@ -329,13 +336,31 @@ def test_a_rival_that_is_better_in_one_half_contradicts_it(monkeypatch: Patch) -
 
 def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
     asked: list[list[str]] = []
-    diagnosis = SimpleNamespace(equivalent={"one": ("twin",)}, rivals=lambda taken: asked.append(taken) or {"far": 1.0})
-    before: Any = SimpleNamespace(diagnosis=diagnosis, share=0.5, describes=False, replicates=True)
-    evidence = auto._evidence(before, scored("one"))
+    diagnosis = SimpleNamespace(
+        equivalent={"one": ("twin",)},
+        rivals=lambda taken, before, refitted: asked.append(taken) or {"near": refitted["near"], "far": before},
+    )
+    left = np.full((POSES, 3), 1.0 / np.sqrt(3.0))
+    blocks = (HeldOutBlock(np.arange(0), np.arange(POSES), left[:0], left),)
+    refits: Any = dict.fromkeys(["near", "twin"], SimpleNamespace(error=SimpleNamespace(rms=0.5)))
+    one = scored("one")
+    refused = {"no": Reason(ReasonKind.NEAR_ZERO)}
+    before = confirm.ConfirmedDiagnosis(diagnosis, blocks, None, (one,), refused, refits=refits)  # type: ignore[arg-type]
+    shown: Any = SimpleNamespace(
+        diagnosis=diagnosis,
+        share=0.5,
+        describes=False,
+        replicates=True,
+        rivals=before.rivals,
+        refits=refits,
+    )
+    evidence = auto._evidence(shown, one)
     fit: Any = None
     step = Step(StepName(ADD, "one"), fit, fit, evidence=evidence)
-    assert asked == [["one", "twin"]]
-    assert (step.names, step.evidence.rivals) == (("one", "twin"), {"far": 1.0})
+    assert asked == [["one", "twin", "no"]], "what a refit refused is none either"
+    assert step.names == ("one", "twin")
+    assert step.evidence.rivals == pytest.approx({"near": 0.5, "far": 1.0})
+    assert step.evidence.refitted == ("near",), "the other is an estimate of the screening"
 
 
 @pytest.mark.long

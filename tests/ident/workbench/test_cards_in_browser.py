@@ -49,14 +49,17 @@ def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: lrm.Study, tmp
     stepped.save(model)
     text = model.read_text(encoding="utf-8")
     first, second = cards(browser, model, text, found)
-    assert "torque_curve@joint2): 0.5" in first
+    assert "torque_curve@joint2): ≈ 0.5" in first
     assert "mm, with more parameters" in first
     assert "what each alone would have left" in second
 
-    rivals = r"\[history\.rivals_mm\]\n(\".*\n)+"
+    rivals, refitted = r"\[history\.rivals_mm\]\n(\".*\n)+", 'rivals_refitted = ["compliance@joint1"]'
     far, _ = cards(browser, model, re.sub(rivals, '[history.rivals_mm]\n"compliance@joint1" = 2.5\n', text), found)
     assert "No other effect explained it as well." in far
-    assert "(compliance@joint1): 2.50 mm" in far
+    assert "(compliance@joint1): ≈ 2.50 mm" in far
+    one = re.sub(rivals, '[history.rivals_mm]\n"compliance@joint1" = 2.5\n', text)
+    known, _ = cards(browser, model, one.replace("rivals_refitted = []", refitted), found)
+    assert "(compliance@joint1): 2.50 mm" in known
 
     first, second = cards(browser, model, re.sub(rivals, "", text), found)
     assert "undo these steps (lrm-ident undo 2 times) and diagnose the model before it" in first
