@@ -1,8 +1,9 @@
-"""The plug-in's lead over real bytes: `python -m validation.lerobot_robot.tracking [--dead-time S] [--fps N]`.
+"""The plug-in's lead over a bus's bytes: `python -m validation.lerobot_robot.tracking [--dead-time S] [--pty SPEED]`.
 
-The simulated SO-101 at a pty, whose servos act on a goal after a dead time, follows a teleoperator's path in real time:
-by the requests themselves, and led by the dead time. Frame by frame the encoders are read and the goals written, as
-LeRobot's loop does. Needs no LeRobot.
+The simulated SO-101, whose servos act on a goal after a dead time, follows a teleoperator's path: by the requests
+themselves, and led by the dead time. Frame by frame the encoders are read and the goals written, in the packets of the
+bus. Its time is simulated; with `--pty` it is a process of its own at a device, its clock at a speed of the real one
+(1: real time), on which a busy computer shows. Needs no LeRobot.
 """
 
 from __future__ import annotations
@@ -10,25 +11,29 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from examples.so101.feetech_bus import FeetechBus
+from examples.so101.feetech_servo import FeetechServo
 from examples.so101.launch import simulated_so101
 from lerobot_robot_lrm.corrected_arm import CorrectedArm
 from lerobot_robot_lrm.correction import Correction
+from lrm_ident.measuring.servo_bus.bus import ServoHost
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
-from lrm_ident.measuring.servo_bus.servos import BusServos, connected_bus
+from lrm_ident.measuring.servo_bus.servos import BusServos, connected_bus, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
 from validation.lerobot_dataset import encoder_readings
 from validation.lerobot_robot.in_motion import motion_model_with
 from validation.options import Count, asked
-from validation.tables import markdown_table, table_row
+from validation.tables import markdown_table
 
 ARM = load_arm("so101")
 SECONDS, SETTLES_S, FINE_S = 24.0, 2.0, 0.002
@@ -96,15 +101,75 @@ class Leader:
         return np.radians(encoder_readings(np.degrees(self.at(t)), self.rng))
 
 
-def driven(servos: BusServos, arm: CorrectedArm, leader: Leader, fps: int) -> tuple[Array, Array]:
-    """(N, 5), rad, where the leader is in each frame, in real time, and what the follower's encoders read then."""
-    there, seen, begun = list[Array](), list[Array](), time.monotonic()
+class SimulatedLine:
+    """A serial line to a bus in simulated time. `now`: s."""
+
+    def __init__(self, bus: FeetechBus) -> None:
+        self.bus, self.now, self.said = bus, 0.0, b""
+
+    def write(self, data: bytes) -> int:
+        """Hands bytes to the bus."""
+        self.said += self.bus.feed(data, self.now)
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """What the bus answered."""
+        out, self.said = self.said[:size], self.said[size:]
+        return out
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes to be read."""
+        return len(self.said)
+
+
+@dataclass(frozen=True, eq=False)
+class Follower:
+    """Servos and their time: `now` (s), and `wait` until a time (s)."""
+
+    servos: BusServos
+    now: Callable[[], float]
+    wait: Callable[[float], None]
+
+
+@contextmanager
+def follower_in_simulated_time(dead_time: float) -> Iterator[Follower]:
+    """Servos on a bus in this process."""
+    numbers = range(1, ARM.dof + 1)
+    line = SimulatedLine(FeetechBus([FeetechServo(number) for number in numbers], dead_time=dead_time))
+
+    def wait(until: float) -> None:
+        line.now = until
+
+    yield Follower(held_servos("feetech", ServoHost(line, FEETECH), ARM, numbers), lambda: line.now, wait)
+
+
+@contextmanager
+def follower_at_pty(dead_time: float, speed: float) -> Iterator[Follower]:
+    """Servos behind a device."""
+    with (
+        tempfile.TemporaryDirectory(prefix="lrm-") as folder,
+        simulated_so101(Path(folder), "gain", 1, speed=speed, dead_time=dead_time) as link,
+        connected_bus(f"feetech:{link},ids=1-{ARM.dof}", FEETECH, ARM) as servos,
+    ):
+        begun = time.monotonic()
+
+        def now() -> float:
+            return speed * (time.monotonic() - begun)
+
+        yield Follower(servos, now, lambda until: time.sleep(max(0.0, until - now()) / speed))
+
+
+def driven(follower: Follower, arm: CorrectedArm, leader: Leader, fps: int) -> tuple[Array, Array]:
+    """(N, 5), rad, where the leader is in each frame, and what the follower's encoders read then."""
+    there, seen = list[Array](), list[Array]()
+    arm.scale, arm.clock = np.ones(ARM.dof), follower.now
     for k in range(int(SECONDS * fps)):
-        time.sleep(max(0.0, begun + k / fps - time.monotonic()))
-        seen.append(np.array(servos.angles()))
-        there.append(leader.at(now := time.monotonic() - begun))
+        follower.wait(k / fps)
+        seen.append(np.array(follower.servos.angles()))
+        there.append(leader.at(now := follower.now()))
         asked_for = arm.corrected(_action(arm, leader.reading(now)), partial(_action, arm, seen[-1]))
-        servos.command([asked_for.action[key] for key in arm.keys])
+        follower.servos.command([asked_for.action[key] for key in arm.keys])
         arm.follow(asked_for, asked_for.action)
     return np.array(there), np.array(seen)
 
@@ -123,32 +188,28 @@ def errors(wishes: Array, seen: Array, fps: int) -> PathErrors:
     return PathErrors(rms[0], float(np.abs(off).max()), rms[1], float(np.degrees(beyond)), rms[2])
 
 
-def followed(path: str, dead_time: float, fps: int, seed: int, folder: Path) -> dict[str, PathErrors]:
-    """The errors along a path, by way of `WAYS`."""
+def followed(path: str, dead_time: float, fps: int, seed: int, pty: float) -> dict[str, PathErrors]:
+    """The errors along a path, by way of `WAYS`; `pty`: speed of the clock at a device, 0: simulated time."""
     motion = motion_model_with({f"dead_time.{place}.t_s": dead_time for place in ARM.joint_names})
-    plain = Correction.of(model_of(ARM, ()))
-    out = dict[str, PathErrors]()
+    plain, out = Correction.of(model_of(ARM, ())), dict[str, PathErrors]()
     for way, correction in zip(WAYS, (plain, plain.in_motion(motion).led_by(motion)), strict=True):
-        with (
-            simulated_so101(folder, "gain", 1, speed=1.0, dead_time=dead_time) as link,
-            connected_bus(f"feetech:{link},ids=1-5", FEETECH, ARM) as servos,
-        ):
-            arm = CorrectedArm(way, correction)
-            arm.scale = np.ones(ARM.dof)
-            out[way] = errors(*driven(servos, arm, Leader.along(path, seed), fps), fps)
+        with follower_at_pty(dead_time, pty) if pty else follower_in_simulated_time(dead_time) as follower:
+            out[way] = errors(*driven(follower, CorrectedArm(way, correction), Leader.along(path, seed), fps), fps)
     return out
 
 
 def main() -> None:
     """Prints a row for each path and way."""
-    chosen = asked(__doc__, dead_time=(0.05, "s, of every servo"), fps=Count(30), seed=0)
-    rows = []
-    for path in PATHS:
-        with tempfile.TemporaryDirectory(prefix="lrm-") as folder:
-            found = followed(path, chosen.dead_time, chosen.fps, chosen.seed, Path(folder))
-        for way, one in found.items():
-            rows.append((path, way, *(f"{x:.2f}" for x in vars(one).values())))
-            print(table_row(rows[-1]), flush=True)
+    chosen = asked(
+        __doc__, dead_time=(0.05, "s, of every servo"), fps=Count(30), seed=0,
+        pty=(0.0, "speed of the clock of a bus at a pty; 0: in this process, in simulated time"),
+    )  # fmt: skip
+    found = {path: followed(path, chosen.dead_time, chosen.fps, chosen.seed, chosen.pty) for path in PATHS}
+    rows = [
+        (path, way, *(f"{x:.2f}" for x in vars(one).values()))
+        for path, ways in found.items()
+        for way, one in ways.items()
+    ]
     head = ("path", "commands", "deg RMS", "largest", "at stops, RMS", "beyond", "unrest")
     print(markdown_table(head, rows))
 
