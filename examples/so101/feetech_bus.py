@@ -61,9 +61,9 @@ class FeetechBus:
     def advance(self, now: float) -> None:
         """Lets the servos move until a time (s)."""
         while self._late and self._late[0][0] <= now:
-            due, *goal = self._late.popleft()
+            due, servo, address, data = self._late.popleft()
             self._turn(due)
-            self._store(*goal)
+            self._store(servo, address, data)
         self._turn(now)
 
     def _turn(self, now: float) -> None:
