@@ -53,7 +53,7 @@ class Lead:
         (t0, q0), (t1, q1), (t2, q2) = (self.recent[k] for k in (first, middle, last))
         led = _extrapolated((q1 - q0) / (t1 - t0), (q2 - q1) / (t2 - t1), t2 - t1, t2 - t0, self.dead_time)
         moves = ((q1 - q0) * (q2 - q1) > 0.0) & (np.minimum(np.abs(q1 - q0), np.abs(q2 - q1)) > TREMOR)
-        return np.asarray(np.clip(np.where(moves, led, 0.0), -FARTHEST_LEAD, FARTHEST_LEAD))
+        return np.clip(np.where(moves, led, 0.0), -FARTHEST_LEAD, FARTHEST_LEAD)
 
     def _before(self, number: int) -> int:
         """The newest wish that is a span older than one of a number; −1: there is none."""
@@ -75,4 +75,4 @@ def _extrapolated(before: Array, rate: Array, span: float, both: float, dead_tim
     bend = np.where(slows, (rate - before) / both, 0.0)
     vertex = np.where(slows, -0.5 * (rate / np.where(slows, bend, 1.0) + span), dead_time)
     passed = np.clip(vertex, 0.0, dead_time)
-    return passed * np.where(slows, rate, before) + bend * passed * (passed + span)
+    return np.asarray(passed * np.where(slows, rate, before) + bend * passed * (passed + span))
