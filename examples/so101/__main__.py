@@ -24,16 +24,22 @@ from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND
 from validation.synthetic import load_arm
 
+LONGEST_DEAD_TIME = 1.0
+"""s."""
 QUESTIONS = ("tip", "tool", "joints")
 
 
-def run(link: Path, effect: str, seed: int, speed: float, kind: str, parent: int | None = None) -> None:
+def run(
+    link: Path, effect: str, seed: int, speed: float, kind: str, dead_time: float, parent: int | None = None
+) -> None:
     """Serves until a signal, or until a parent process ends that is given by its number. Raises `LrmError`."""
     if effect not in HIDDEN:
         raise UnknownName("hidden effect", effect, HIDDEN)
     if kind not in BUSES:
         raise UnknownName("kind of servos", kind, BUSES)
-    arm = HiddenSo101(hidden_truth(load_arm(ARM_FILE), effect, seed), kind=kind)
+    if not 0.0 <= dead_time <= LONGEST_DEAD_TIME:
+        raise LrmError(f"--dead-time is {dead_time:g} s; should be from 0 to {LONGEST_DEAD_TIME:g} s")
+    arm = HiddenSo101(hidden_truth(load_arm(ARM_FILE), effect, seed), kind=kind, dead_time=dead_time)
     clock = MonotonicClock(speed, time.monotonic_ns())
 
     def reply(question: str) -> QueryReply:
@@ -44,9 +50,8 @@ def run(link: Path, effect: str, seed: int, speed: float, kind: str, parent: int
             return {"tip_m": arm.tip().tolist()}
         if question == "tool":
             return {"tool": arm.tool().tolist()}
-        moving = any(servo.moving for servo in arm.servos)
         return {
-            "q_rad": arm.q.tolist(), "moving": moving, "goals": arm.bus.goals,
+            "q_rad": arm.q.tolist(), "moving": arm.bus.moving, "goals": arm.bus.goals,
             "temperature_c": [s.rise + 25.0 for s in arm.servos],
         }  # fmt: skip
 
@@ -71,7 +76,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     found = OneLineParser(
         "python -m examples.so101",
-        usage="python -m examples.so101 LINK EFFECT SEED [SPEED [KIND]] [--calibration FILE]",
+        usage="python -m examples.so101 LINK EFFECT SEED [SPEED [KIND]] [--calibration FILE] [--dead-time S]",
         description="Simulates an SO-101 with hidden errors at a serial device, until Ctrl-C or a signal ends it.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="\n".join(
@@ -97,6 +102,9 @@ def parser() -> argparse.ArgumentParser:
         help="also write LeRobot's calibration file of this arm, such as cal/mine.json for "
         "--robot.calibration_dir=cal --robot.id=mine",
     )
+    found.add_argument(
+        "--dead-time", metavar="S", type=float, default=0.0, help="s until a servo acts on a goal; default 0"
+    )
     found.add_argument("--end-with-parent", action="store_true", help="end when the process that started it has ended")
     return found
 
@@ -110,7 +118,7 @@ def main() -> None:
         parent = os.getppid() if given.end_with_parent else None
         if given.calibration is not None:
             write_calibration(given.calibration)
-        run(given.link, given.effect, given.seed, given.speed, given.kind, parent)
+        run(given.link, given.effect, given.seed, given.speed, given.kind, given.dead_time, parent)
     except LrmError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

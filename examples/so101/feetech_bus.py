@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
@@ -16,19 +17,22 @@ ALL = 1
 
 
 class FeetechBus:
-    """Servos on one wire. `goals`: how many goals it has taken so far.
+    """Servos on one wire. `goals`: how many goals it has taken so far. `dead_time`: s, until a servo acts on one.
 
     `on_change`: called whenever the servos stand still after a move, and before each instruction that may change where
     they go: between two calls every shaft turns one way only.
     """
 
-    def __init__(self, servos: Sequence[FeetechServo], on_change: Callable[[], None] = lambda: None) -> None:
-        self.servos = tuple(servos)
+    def __init__(
+        self, servos: Sequence[FeetechServo], on_change: Callable[[], None] = lambda: None, dead_time: float = 0.0
+    ) -> None:
+        self.servos, self.dead_time = tuple(servos), dead_time
         self.now = 0.0
         self.goals = 0
         self._on_change = on_change
         self._reader = self.reader()
         self._rested = True
+        self._late = deque[tuple[float, FeetechServo, int, bytes]]()
 
     WORD = 1
     """Bytes of an address, and of a length."""
@@ -49,8 +53,20 @@ class FeetechBus:
     def _word(self, given: bytes, place: int = 0) -> int:
         return int.from_bytes(given[place * self.WORD : (place + 1) * self.WORD], "little")
 
+    @property
+    def moving(self) -> bool:
+        """Whether a servo is on its way, or has a goal that it does not act on yet."""
+        return bool(self._late) or any(servo.moving for servo in self.servos)
+
     def advance(self, now: float) -> None:
         """Lets the servos move until a time (s)."""
+        while self._late and self._late[0][0] <= now:
+            due, servo, address, data = self._late.popleft()
+            self._turn(due)
+            self._store(servo, address, data)
+        self._turn(now)
+
+    def _turn(self, now: float) -> None:
         for servo in self.servos:
             servo.advance(max(0.0, now - self.now))
         self.now = max(now, self.now)
@@ -122,6 +138,12 @@ class FeetechBus:
                     self._write(servo, start, given[at + 1 : at + 1 + length])
 
     def _write(self, servo: FeetechServo, address: int, data: bytes) -> None:
+        if self.dead_time and address <= self.GOAL < address + len(data):
+            self._late.append((self.now + self.dead_time, servo, address, data))
+        else:
+            self._store(servo, address, data)
+
+    def _store(self, servo: FeetechServo, address: int, data: bytes) -> None:
         before = servo.target
         if not self._rested:
             self._on_change()

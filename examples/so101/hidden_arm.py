@@ -92,19 +92,20 @@ BUSES: dict[str, tuple[type[FeetechServo], type[FeetechBus]]] = {
 class HiddenSo101:
     """The true arm and the bus that moves it, with servos of a kind of `BUSES`.
 
-    `history`: (n,) each, rad, where the joints stood whenever one may have turned round.
+    `history`: (n,) each, rad, where the joints stood whenever one may have turned round. `dead_time`: s, of the servos.
     """
 
     truth: GroundTruth
     arm: ArmDescription = field(default_factory=lambda: load_arm(ARM_FILE))
     history: list[Array] = field(default_factory=list)
     kind: str = "feetech"
+    dead_time: float = 0.0
 
     def __post_init__(self) -> None:
         self._drawn = GroundTruth.nominal(self.arm)  # its torques: sag changes them by two percent, and takes long
         servo, bus = BUSES[self.kind]
         self.servos = tuple(servo(number) for number in range(1, GRIPPER + 1))
-        self.bus = bus(self.servos, self._remember)
+        self.bus = bus(self.servos, self._remember, self.dead_time)
         self.history.append(self.q)
 
     @property

@@ -12,12 +12,14 @@ from pathlib import Path
 from lrm_math.errors import LrmError
 
 SPEED = 10.0
-"""Of the simulated clock."""
+"""Of the simulated clock, if none is asked for."""
 
 
 @contextmanager
-def simulated_so101(folder: Path, effect: str, seed: int, kind: str = "feetech") -> Iterator[Path]:
-    """Runs the bus; yields its serial device. Raises `LrmError`."""
+def simulated_so101(
+    folder: Path, effect: str, seed: int, kind: str = "feetech", speed: float = SPEED, dead_time: float = 0.0
+) -> Iterator[Path]:
+    """Runs the bus, whose servos act on a goal after a dead time (s); yields its serial device. Raises `LrmError`."""
     link = folder / "so101"
     words = [
         sys.executable,
@@ -26,8 +28,9 @@ def simulated_so101(folder: Path, effect: str, seed: int, kind: str = "feetech")
         str(link),
         effect,
         str(seed),
-        str(SPEED),
+        str(speed),
         kind,
+        f"--dead-time={dead_time}",
         "--end-with-parent",
     ]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)

@@ -24,7 +24,7 @@ from lrm_ident.workbench.html_report import plain_page
 
 MOST_MOVES, DIGITS = 8, 3
 """Moves that the page shows, those with the largest error before; decimals of their angles."""
-BEFORE_AND_AFTER = """<div class="lrm-controls screen-only"><label>what <select id="lrm-what"></select></label>
+MOVES = """<div class="lrm-controls screen-only"><label>what <select id="lrm-what"></select></label>
 <label>move <select id="lrm-move"></select></label></div>
 <p class="lrm-soft" id="lrm-errors"></p>
 <div id="lrm-path" class="lrm-figure medium"></div>
@@ -45,7 +45,8 @@ def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
     concluded, title = document.values["conclusion"], f"Motion: {after.moves.name}, {after.moves.arm.name}"
     assert isinstance(concluded, Conclusion)
     steps = f'<div id="lrm-steps" class="lrm-figure" style="height: {90 + 30 * len(after.history)}px"></div>'
-    figures = {"Error of held-out moves, step by step": steps, "Before and after": BEFORE_AND_AFTER}
+    shown = "Before and after" if after.model.added else "Moves as predicted"
+    figures = {"Error of held-out moves, step by step": steps, shown: MOVES}
     return plain_page(title, concluded.headline, figures, values, document, blocks, SCRIPTS_OF_MOTION)
 
 
@@ -97,6 +98,7 @@ def _what(
     worst = int(np.argmax([np.nanmean(np.square([v or 0.0 for v in one["left"][0]])) for one in entries]))
     return {
         "label": label,
+        "added": bool(after.added_at(joint)),
         "words": [in_unit(error, moves) for error in errors],
         "before": errors[0] * moves.scale,
         "moves": entries,

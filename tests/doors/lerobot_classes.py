@@ -6,7 +6,8 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
-from types import ModuleType
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any, ClassVar
 from unittest.mock import patch
 
@@ -103,3 +104,9 @@ def plug_in(module: str) -> Any:
 def calibrated_robot_class() -> Any:
     """`CalibratedRobot`."""
     return plug_in("calibrated_robot").CalibratedRobot
+
+
+def robot_config(model: Path | str, **options: Any) -> SimpleNamespace:
+    """Options of a `CalibratedRobot`: those given, the others as where none is."""
+    usual = {"payload_g": 0.0, "keep": "base,tool", "accept_settings": False, "motion": "", "lead": False}
+    return SimpleNamespace(**{"model": str(model), **usual, **options})

@@ -26,7 +26,7 @@ class CalibratedPairDoor(CalibratedRobotDoor):
         robot = SimulatedPair(*(SimulatedFollower(NAMES, part) for part in (servos[:count], servos[count:])))
         config = SimpleNamespace(
             left_model=str(model), right_model=str(model), left_payload_g=0.0, right_payload_g=0.0, base="left",
-            keep="base,tool", accept_settings=False, left_motion="", right_motion="",
+            keep="base,tool", accept_settings=False, left_motion="", right_motion="", lead=False,
         )  # fmt: skip
         self.robot = plug_in("calibrated_pair").CalibratedPair(config, robot)
 

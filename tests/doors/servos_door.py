@@ -31,7 +31,7 @@ from lrm_ident.measuring.servo_bus.servos import held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.lerobot_torque_on import torque_on_where_they_stand
 from tests.doors.door import Angles, DoorKind
-from tests.doors.lerobot_classes import calibrated_robot_class
+from tests.doors.lerobot_classes import calibrated_robot_class, robot_config
 from tests.doors.lockstep import Lockstep
 from tests.doors.simulated_follower import GoalKeepingServo, SimulatedFollower
 
@@ -90,7 +90,7 @@ class CalibratedRobotDoor(ServosDoor):
     def __init__(self, servos: Sequence[FeetechServo], model: Path) -> None:
         super().__init__(servos, FeetechBus(servos))
         self.follower = SimulatedFollower(NAMES, servos)
-        config = SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
+        config = robot_config(model)
         self.robot = calibrated_robot_class()(config, self.follower)
 
     def torque_on(self) -> None:

@@ -20,7 +20,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
-from tests.doors.lerobot_classes import calibrated_robot_class, plug_in
+from tests.doors.lerobot_classes import calibrated_robot_class, plug_in, robot_config
 from tests.doors.servos_door import MODEL, NAMES
 from tests.doors.simulated_follower import SIDES, SimulatedFollower, SimulatedPair
 from tests.lerobot.test_processor import MEASURED_WITH
@@ -38,7 +38,7 @@ def pair_of(folder: Path, left: str, right: str, **options: Any) -> Any:
         arm.bus.model_ctrl_table["sts3215"]["P_Coefficient"] = (21, 1)
         arm.bus.read = Mock(return_value=16)  # type: ignore[attr-defined]
     given = {"left_payload_g": 0.0, "right_payload_g": 0.0, "base": "each", "keep": "base,tool"}
-    given |= {"left_motion": "", "right_motion": ""}
+    given |= {"left_motion": "", "right_motion": "", "lead": False}
     models = {f"{side}model": str(folder / f"{side}.toml".replace("_", "")) for side in SIDES}
     config = SimpleNamespace(**{**given, "accept_settings": False, **models, **options})
     return plug_in("calibrated_pair").CalibratedPair(config, SimulatedPair(*arms))
@@ -56,7 +56,7 @@ def test_each_arm_goes_as_its_own_calibrated_robot_would(tmp_path: Path) -> None
     for side, wish, arm in zip(SIDES, WISHES, (pair.robot.left_arm, pair.robot.right_arm), strict=True):
         alone = SimulatedFollower(NAMES, [FeetechServo(number) for number in range(1, 6)])
         model = str(tmp_path / f"{side.removesuffix('_')}.toml")
-        config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
+        config = robot_config(model)
         robot = calibrated_robot_class()(config, alone)
         robot.connect()
         own = robot.send_action(action_of("", wish))

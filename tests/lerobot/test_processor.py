@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import count
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
@@ -16,7 +17,7 @@ from examples.so101.feetech_servo import FeetechServo
 from lerobot_robot_lrm.bounded import FARTHEST, RATE, REVERSAL
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.motion import Motion
-from tests.doors.lerobot_classes import calibrated_robot_class, plug_in
+from tests.doors.lerobot_classes import calibrated_robot_class, plug_in, robot_config
 from tests.doors.servos_door import MODEL, NAMES
 from tests.doors.simulated_follower import SimulatedFollower
 from tests.lerobot.test_in_motion import RUBBING
@@ -59,19 +60,21 @@ def action_of(degrees: Any, prefix: str = "") -> dict[str, float]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("in_motion", [False, True])
+@pytest.mark.parametrize(("in_motion", "lead"), [(False, False), (True, False), (True, True)])
 @examples(12, 25)
 @given(wishes=WISHES)
 def test_it_sends_and_observes_what_the_calibrated_robot_does(
-    model: str, motion: str, in_motion: bool, wishes: list[list[float]]
+    model: str, motion: str, in_motion: bool, lead: bool, wishes: list[list[float]]
 ) -> None:
     deployed = motion if in_motion else ""
-    config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False, motion=deployed)
+    config = robot_config(model, motion=deployed, lead=lead)
     beside, wrapped = follower(), follower()
     robot = calibrated_robot_class()(config, wrapped)
     robot.connect()
-    action, observation = plug_in("pipelines").calibrated_processors(beside, model, motion=deployed)
+    action, observation = plug_in("pipelines").calibrated_processors(beside, model, motion=deployed, lead=lead)
     action.reset()
+    for arm in (robot.arm, *(step.arm for step in action.steps)):
+        arm.clock = partial(next, count(0.0, 1.0 / 30.0))
     for wish in wishes:
         beside.send_action(action((action_of(wish), beside.get_observation())))
         robot.send_action(action_of(wish))
@@ -153,7 +156,7 @@ def test_the_first_action_needs_an_observation(model: str) -> None:
 
 def test_a_robot_that_corrects_already_or_is_set_otherwise_is_refused(model: str, tmp_path: Path) -> None:
     make = plug_in("pipelines").calibrated_processors
-    config = SimpleNamespace(model=model, payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
+    config = robot_config(model)
     with pytest.raises(LrmError, match="corrects its commands already"):
         make(calibrated_robot_class()(config, follower()), model)
     away = follower()

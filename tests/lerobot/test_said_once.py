@@ -5,14 +5,13 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from examples.so101.feetech_servo import FeetechServo
 from lerobot_robot_lrm.bounded import CREEP, RATE
-from tests.doors.lerobot_classes import calibrated_robot_class
+from tests.doors.lerobot_classes import calibrated_robot_class, robot_config
 from tests.doors.servos_door import NAMES
 from tests.doors.simulated_follower import SimulatedFollower
 from tests.lerobot.test_continuity import near_its_axis
@@ -30,9 +29,7 @@ effects = ["offsets"]
 def test_where_accuracy_is_given_up_it_is_said_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (model := tmp_path / "model.toml").write_text(TWISTED)
     follower = SimulatedFollower(NAMES, [FeetechServo(number) for number in range(1, 6)])
-    robot = calibrated_robot_class()(
-        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion=""), follower
-    )
+    robot = calibrated_robot_class()(robot_config(model), follower)
     robot.connect()
     start = near_its_axis(robot.correction, np.array([0.2, 0.0, 0.6, 0.3, 0.0]))
     step, before = np.radians(0.3), None

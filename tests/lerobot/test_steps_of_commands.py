@@ -6,7 +6,6 @@ Past the axis of the first joint turning it is cheap in millimetres of the tip, 
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from tests.doors.lerobot_classes import calibrated_robot_class
+from tests.doors.lerobot_classes import calibrated_robot_class, robot_config
 from tests.doors.simulated_follower import SimulatedFollower
 
 ARM = load_arm("so101")
@@ -47,10 +46,7 @@ def near_the_axis(q: np.ndarray) -> np.ndarray:
 def test_small_steps_of_a_wish_past_the_first_axis_are_small_steps_of_the_goals(tmp_path: Path, seed: int) -> None:
     (model := tmp_path / "model.toml").write_text(MODEL)
     servos = [FeetechServo(number) for number in range(1, 6)]
-    robot = calibrated_robot_class()(
-        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion=""),
-        SimulatedFollower(NAMES, servos),
-    )
+    robot = calibrated_robot_class()(robot_config(model), SimulatedFollower(NAMES, servos))
     robot.connect()
     low, high = np.array([(joint.lower, joint.upper) for joint in ARM.joints]).T
     middle = np.degrees(near_the_axis(0.8 * np.random.default_rng(seed).uniform(low, high)))

@@ -1,8 +1,8 @@
 """What the plug-in makes of a motion model: `python -m validation.lerobot_robot.in_motion [--arms N] [--off SHARE]`.
 
 A hidden SO-101 (`validation.motion.world`) with dead time, friction and play in its joints follows a hand: by the
-requests themselves, and by the plug-in's commands. The motion model has the true values, or each is too large or too
-small by a share, at random.
+requests themselves, by the plug-in's commands, and by those that are led by the dead times too. The motion model has
+the true values, or each is too large or too small by a share, at random.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 
 import numpy as np
 
@@ -21,11 +22,12 @@ from lrm_math.arrays import Array
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
+from validation.lerobot_dataset import FPS
 from validation.motion.world import JOINTS, TrueJoints, driven, hand
 from validation.options import Count, asked
 from validation.runner import run_cases
 
-WAYS = ("requests", "corrected")
+WAYS = ("requests", "corrected", "led")
 VALUES = (
     ("servo_response", "frequency_Hz"), ("servo_response", "damping_ratio"), ("dead_time", "t_s"),
     ("coulomb_friction", "c_rad"), ("motion_play", "b_rad"),
@@ -55,10 +57,11 @@ def hidden_arm(rng: np.random.Generator) -> TrueJoints:
     )  # fmt: skip
 
 
-def commands(motion: MotionModel, wishes: Array) -> Array:
-    """(N, n), rad, that the plug-in sends for requests (N, n), rad, of an arm whose poses have no error."""
-    arm = CorrectedArm("none", Correction.of(model_of(motion.arm, ())).in_motion(motion))
-    arm.scale, out = np.ones(motion.arm.dof), []
+def commands(correction: Correction, wishes: Array) -> Array:
+    """(N, n), rad, that the plug-in sends for requests (N, n), rad, `FPS` a second."""
+    arm = CorrectedArm("none", correction)
+    arm.scale, out = np.ones(wishes.shape[1]), list[list[float]]()
+    arm.clock = partial(next, count(0.0, 1.0 / FPS))
     start = _action(arm, wishes[0])
     for wish in wishes:
         asked_for = arm.corrected(_action(arm, wish), lambda: start)
@@ -73,7 +76,8 @@ def _action(arm: CorrectedArm, wish: Array) -> Mapping[str, float]:
 
 def tracking(hidden: TrueJoints, motion: MotionModel, wishes: Array, rng: np.random.Generator) -> TrackingErrors:
     """Errors of a hidden arm that follows requests (N, 5), rad, in each of the ways."""
-    told = np.stack([wishes, commands(motion, wishes)])
+    corrected = Correction.of(model_of(motion.arm, ())).in_motion(motion)
+    told = np.stack([wishes, commands(corrected, wishes), commands(corrected.led_by(motion), wishes)])
     made = driven([hidden] * len(WAYS), told[None], rng)
     off = {way: np.degrees(wishes) - one.state for way, one in zip(WAYS, made, strict=True)}
     frames = np.lib.stride_tricks.sliding_window_view(wishes, STOPPED_FRAMES, axis=0)

@@ -109,6 +109,7 @@ def main() -> None:
         __doc__,
         seed=0,
         only=("", "first, later, or a part of a case's name"),
+        skip=(0, "so many of the chosen cases, the first ones, are made and not answered"),
         json=None,
         write=(None, "only write the recording of the first chosen case, as a dataset"),
         jobs=1,
@@ -127,7 +128,7 @@ def main() -> None:
     made = recorded([arm for arm, _ in arms], rng)
     tasks = {
         case.name: (case.name, arm, joint, recording)
-        for case, (arm, joint), recording in zip(chosen, arms, made, strict=True)
+        for case, (arm, joint), recording in [*zip(chosen, arms, made, strict=True)][max(given.skip, 0) :]
     }
     found = run_cases(tasks, examine, line, given.jobs)
     for name, one in found.items():

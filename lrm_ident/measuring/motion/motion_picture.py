@@ -1,4 +1,7 @@
-"""Picture of a move: what was told, what was read, and what the models before and after predict of it."""
+"""Picture of a move: what was told, what was read, and what the models before and after predict of it.
+
+Where nothing was added both predict the same, and one of them is drawn.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +36,12 @@ def draw_motion(before: MotionStudy, after: MotionStudy, path: Path) -> None:
         told, read = (scale * x[move, :, axis][count] for x in moves.told_and_read(int(joint)))
         top.step(t, told, where="post", color=NOMINAL, linewidth=1, label="command")
         top.plot(t, read, ".", color="black", markersize=4, label=READ[unit])
-        for study, name, colour in ((before, "before", HELD_OUT), (after, "after", MODEL)):
+        both = ((before, "before", HELD_OUT), (after, "after", MODEL))
+        for study, name, colour in both if after.added_at(int(joint)) else ((after, "(nothing was added)", MODEL),):
             left = scale * study.told_apart[joint].residual[move, :, axis][count]
             error = float(np.sqrt(np.nanmean(left**2)))
             own = scale * study.moves.told_and_read(int(joint))[1][move, :, axis][count]
             top.plot(t, own - left, color=colour, linewidth=1.2, label=f"predicted {name}")
             bottom.plot(t, left, color=colour, linewidth=1.2, label=f"{name}: {error:.2f} {unit} RMS")
-        finish(top, "", angle, f"{what}: the move that was predicted worst before")
+        finish(top, "", angle, f"{what}: the move that was predicted worst{' before' * bool(after.model.added)}")
         finish(bottom, "time in the move, s", f"reading − prediction, {unit}")

@@ -212,3 +212,8 @@ class MotionStudy:
     def told_apart(self) -> tuple[JointFit, ...]:
         """Fits whose errors are of different readings: every joint's encoder, or the one tip."""
         return self.fits if self.moves.unit == "deg" else self.fits[:1]
+
+    def added_at(self, number: int) -> tuple[MotionEffect, ...]:
+        """Effects that were added to the servos' response, of those that one of `told_apart` reads, by its number."""
+        of_all = self.moves.unit != "deg"
+        return tuple(effect for effect in self.model.added if of_all or effect.joint == number)

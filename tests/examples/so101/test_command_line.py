@@ -24,6 +24,9 @@ def test_help_names_every_value() -> None:
     said = stderr_of("so101", "friction", "one", program=program.main)
     assert "SEED: invalid int value: 'one'; see python -m examples.so101 --help" in said
     assert "valid: play, friction, gain" in stderr_of("so101", "sag", "1", program=program.main)
+    assert "--dead-time is nan s; should be from 0 to 1 s" in stderr_of(
+        "so101", "gain", "1", "--dead-time=nan", program=program.main
+    )
 
 
 def test_a_tracker_without_an_arm_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

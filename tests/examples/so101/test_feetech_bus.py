@@ -199,3 +199,26 @@ def test_the_makers_sdk_speaks_with_it() -> None:
     assert group.addParam(2)
     assert group.txRxPacket() == scs.COMM_SUCCESS
     assert [group.getData(number, table.POSITION.address, 2) for number in (1, 2)] == [2048, 2048]
+
+
+@given(steps=st.lists(st.floats(0.001, 0.1), max_size=20))
+def test_a_servo_acts_on_a_goal_after_the_dead_time_however_time_is_cut(steps: list[float]) -> None:
+    late, prompt = FeetechBus([FeetechServo(1)], dead_time=0.25), bus_of(1)
+    for bus, begun in ((late, 0.0), (prompt, 0.25)):
+        write(bus, 1, table.GOAL_POSITION, 2148, now=begun)
+    assert late.moving
+    assert not late.servos[0].moving
+    now = 0.0
+    for step in steps:
+        late.advance(now := now + step)
+        assert (late.servos[0].angle > 0.0) == (now > 0.25)
+    for bus in (late, prompt):
+        bus.advance(2.0 + now)
+    assert late.servos[0].angle == pytest.approx(prompt.servos[0].angle, abs=1e-9)
+    assert not late.moving
+
+
+def test_only_goals_are_acted_on_late() -> None:
+    bus = FeetechBus([FeetechServo(1)], dead_time=0.25)
+    write(bus, 1, table.TORQUE_ENABLE, 1)
+    assert read(bus, 1, table.TORQUE_ENABLE) == 1

@@ -19,7 +19,7 @@ from typer.main import get_command
 
 from lrm_ident.cli.app import app as ident
 from lrm_math.model.model_file import load_model
-from tests.doors.lerobot_classes import calibrated_robot_class, plug_in
+from tests.doors.lerobot_classes import calibrated_robot_class, plug_in, robot_config
 from tests.doors.registry import door_kinds
 from tests.doors.servos_door import MODEL, NAMES
 from tests.doors.simulated_follower import SimulatedFollower, SimulatedPair
@@ -85,14 +85,14 @@ def follower(names: tuple[str, ...] = NAMES) -> SimulatedFollower:
 
 
 def robot_of(model: Path, robot: Any = None) -> Any:
-    config = SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False, motion="")
+    config = robot_config(model)
     return calibrated_robot_class()(config, robot or follower())
 
 
 def pair_of(model: Path) -> Any:
     config = SimpleNamespace(
         left_model=str(model), right_model=str(model), left_payload_g=0.0, right_payload_g=0.0, base="each",
-        keep="base,tool", accept_settings=False, left_motion="", right_motion="",
+        keep="base,tool", accept_settings=False, left_motion="", right_motion="", lead=False,
     )  # fmt: skip
     return plug_in("calibrated_pair").CalibratedPair(config, SimulatedPair(follower(), follower()))
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lrm_ident.measuring.motion import motion_picture
 from lrm_ident.measuring.motion.motion_files import write_motion
 from lrm_ident.measuring.motion.motion_report import (
     auto_document,
@@ -192,3 +193,16 @@ def test_a_recording_that_cannot_serve_is_refused_in_one_line() -> None:
     gone[7, 2] = np.nan
     with pytest.raises(FileError, match="1 frames lack a number"):
         moves_of(replace(frames, feedback=gone), ARM, Path("holes"))
+
+
+def test_a_picture_draws_one_prediction_where_nothing_was_added(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(
+        motion_picture, "finish", lambda axes, *words: said.extend([*words, *axes.get_legend_handles_labels()[1]])
+    )
+    plain = study("nothing")
+    motion_picture.draw_motion(plain, plain, tmp_path / "move.png")
+    assert [one for one in said if one.startswith("predicted")] == ["predicted (nothing was added)"]
+    assert not any("before" in one or "after" in one for one in said)

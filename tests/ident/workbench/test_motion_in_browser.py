@@ -44,6 +44,16 @@ def test_a_prediction_and_what_it_leaves_add_up_to_the_reading() -> None:
             np.testing.assert_allclose(total, move["read"], atol=2.1e-3)
 
 
+def test_a_joint_to_which_nothing_was_added_says_so() -> None:
+    added = [what["added"] for what in motion_figures(*both())["what"]]
+    assert added == [joint == JOINT for joint in range(len(added))]
+    plain = study("nothing")
+    assert not any(what["added"] for what in motion_figures(plain, plain)["what"])
+    page = motion_page(plain, plain, "motion.toml")
+    assert "Moves as predicted" in page
+    assert "Before and after" not in page
+
+
 def test_no_table_stands_twice() -> None:
     page = motion_page(*both(), "better.toml")
     heads = re.findall(r"<thead>.*?</thead>", page, re.DOTALL)
@@ -66,9 +76,13 @@ def test_its_charts_are_drawn_and_follow_what_is_chosen(browser: Any, tmp_path: 
     assert page.locator("#lrm-steps .bars .point").count() == 2
     left = "document.getElementById('lrm-{}')._fullLayout._size.l"
     assert page.evaluate(left.format("path")) == page.evaluate(left.format("left")), "time is at the same place in both"
-    said = page.locator("#lrm-errors").inner_text()
+    said, drawn = page.locator("#lrm-errors"), "document.getElementById('lrm-path').data.map((one) => one.name)"
+    assert " before, " in said.inner_text()
+    assert page.evaluate(drawn) == ["command", "encoder", "predicted before", "predicted after"]
     page.select_option("#lrm-what", index=0)
-    assert page.locator("#lrm-errors").inner_text() != said
+    assert "Nothing was added to the servo response here" in said.inner_text()
+    assert page.evaluate(drawn) == ["command", "encoder", "predicted"]
+    assert page.evaluate("document.getElementById('lrm-left').data.length") == 1
     page.context.close()
 
 

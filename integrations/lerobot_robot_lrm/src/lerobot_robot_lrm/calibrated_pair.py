@@ -33,7 +33,9 @@ class CalibratedPair(WrappedRobot):
         models = {side: str(getattr(config, f"{side}_model")) for side in SIDES}
         payloads = {side: 1e-3 * getattr(config, f"{side}_payload_g") for side in SIDES}
         motions = {side: getattr(config, f"{side}_motion") for side in SIDES}
-        found = {side: Correction.of_file(models[side], payloads[side], keep, motions[side]) for side in SIDES}
+        found = {
+            side: Correction.of_file(models[side], payloads[side], keep, motions[side], config.lead) for side in SIDES
+        }
         if config.base != EACH:
             (other,) = {*SIDES} - {config.base}
             found[other] = found[other].on_the_base_of(found[config.base])

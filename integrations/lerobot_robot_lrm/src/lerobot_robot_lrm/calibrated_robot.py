@@ -27,7 +27,7 @@ class CalibratedRobot(WrappedRobot):
     def __init__(self, config: Any, robot: Robot, correction: Correction | None = None) -> None:
         super().__init__(config, robot)
         found = correction or Correction.of_file(
-            config.model, 1e-3 * config.payload_g, places_of(config.keep), config.motion
+            config.model, 1e-3 * config.payload_g, places_of(config.keep), config.motion, config.lead
         )
         self.arm = CorrectedArm(config.model, found)
         self.arm.check_names(robot.action_features, robot.name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
+from lerobot_robot_lrm.lead import Lead
 from lrm_math.arm.standing import require_standing
 from lrm_math.arrays import Array
 from lrm_math.effects import marked
@@ -25,12 +27,16 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class CorrectedAction:
-    """An action to send, with the command in it for wished angles (n,), rad, that continues a motion."""
+    """An action to send, with the command in it for wished angles (n,), rad, that continues a motion.
+
+    `led`: (n,), rad, of the command by which moving joints are ahead.
+    """
 
     action: dict[str, Any]
     wish: Array
     answer: BoundedCommand
     motion: Motion
+    led: Array
 
 
 class CorrectedArm:
@@ -41,7 +47,7 @@ class CorrectedArm:
 
     Attributes:
         source: file of the model, for what is logged. scale: (n,), rad per unit of the angles.
-        motion: of the commands sent; None before the first.
+        motion: of the commands sent, without what leads them; None before the first. clock: s, when a wish comes.
     """
 
     def __init__(self, source: str, correction: Correction, prefix: str = "") -> None:
@@ -50,13 +56,16 @@ class CorrectedArm:
         _ = correction.arm, correction.drawn, correction.behind_encoders  # packed before the first command
         self.scale: Array = np.empty(0)
         self.motion: Motion | None = None
+        self.clock: Callable[[], float] = time.monotonic
         self._before: BoundedCommand | None = None
+        self._lead: Lead | None = correction.lead
         self._told: set[str] = set()
         self._tell_what_is_left()
 
     def forget(self) -> None:
         """Begins a new motion with the next action."""
         self.motion = self._before = None
+        self._lead = self.correction.lead
 
     def check_names(self, features: Mapping[str, Any], robot: str) -> None:
         """Raises `LrmError`: a robot's actions lack a joint of the model."""
@@ -76,15 +85,27 @@ class CorrectedArm:
 
         Raises `LrmError`: a joint is missing or no number, or the arm cannot stand where it is seen.
         """
-        wish = self._angles(action, "action")
+        now, wish = self.clock(), self._angles(action, "action")
         motion = self.motion or Motion.at(self._standing(observe()))
         answer = bounded_command(self.correction, wish, motion, self._before)
         self._tell_of(wish, answer)
-        return CorrectedAction(self._with(action, answer.command), wish, answer, motion)
+        ahead = np.clip(answer.command + self._ahead(answer.wish, now), *self.correction.limits)
+        return CorrectedAction(self._with(action, ahead), wish, answer, motion, ahead - answer.command)
+
+    def _ahead(self, wish: Array, now: float) -> Array:
+        """(n,), rad, by which moving joints are led, now (s) that a wish (n,), rad, has come."""
+        if self._lead is None:
+            return np.zeros_like(wish)
+        self._lead = self._lead.after(wish, now)
+        return self._lead.ahead()
 
     def follow(self, asked: CorrectedAction, sent: Mapping[str, Any]) -> dict[str, Any]:
-        """Takes down what was really sent of a corrected action; the same in true angles. Raises `LrmError`."""
+        """Takes down what was really sent of a corrected action; the same in true angles. Raises `LrmError`.
+
+        What leads it is taken off: a joint that stops comes from where it was, though its command falls back.
+        """
         angles, command = self._angles(sent, "action sent"), asked.answer.command
+        angles = angles - np.clip(angles - command, np.minimum(asked.led, 0.0), np.maximum(asked.led, 0.0))
         self.motion, self._before = asked.motion.to(angles), asked.answer
         whole = not asked.answer.lost and not asked.answer.bounded.any()
         as_wished = whole and np.allclose(angles, command, rtol=0.0, atol=1e-9)

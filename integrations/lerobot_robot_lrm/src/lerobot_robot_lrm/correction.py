@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
+from lerobot_robot_lrm.lead import Lead
 from lerobot_robot_lrm.least_deviation import FARTHEST
-from lerobot_robot_lrm.servo_motion import half_dead_band, unused_effects
+from lerobot_robot_lrm.servo_motion import dead_times, half_dead_band, unused_effects
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arrays import Array
@@ -28,6 +29,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import deployed_part, of_a_session
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrm_math.motion.effects import DeadTime
 from lrm_math.motion.motion_model import MotionModel, load_motion
 
 REVERSAL = 2.0 * np.pi / 4096.0
@@ -62,6 +64,7 @@ class Correction:
         seen: names of effects that the encoders show: what `model` has from the model of motion.
         unused_effects: ids of effects of the model of motion that no command uses.
         with_direction: names of joints whose friction by the model of motion is not used, since `model` has it already.
+        lead: by which moving joints are commanded ahead, before the first wish; None: they are not.
     """
 
     model: Model
@@ -72,14 +75,32 @@ class Correction:
     seen: tuple[str, ...] = ()
     unused_effects: tuple[str, ...] = ()
     with_direction: tuple[str, ...] = ()
+    lead: Lead | None = None
 
     @classmethod
     def of_file(
-        cls, path: str | Path, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL), motion: str | Path = ""
+        cls,
+        path: str | Path,
+        payload: float = 0.0,
+        keep: Sequence[str] = (BASE, TOOL),
+        motion: str | Path = "",
+        lead: bool = False,
     ) -> Correction:
-        """The correction by a model file, and the file of a model of motion, if any; see `of`. Raises `LrmError`."""
+        """The correction by a model file, and the file of a model of motion, if any; see `of`.
+
+        Args:
+            lead: whether moving joints are commanded ahead by the dead times of the model of motion.
+
+        Raises `LrmError`; also for a lead without dead times.
+        """
         found = cls.of(load_model(path), payload, keep)
-        return found.in_motion(load_motion(Path(motion))[1]) if motion else found
+        if not motion:
+            if lead:
+                raise LrmError("lead needs a model of motion that has dead_time; give its file as motion too")
+            return found
+        moving = load_motion(Path(motion))[1]
+        found = found.in_motion(moving)
+        return found.led_by(moving) if lead else found
 
     @classmethod
     def of(cls, fitted: Model, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
@@ -129,6 +150,14 @@ class Correction:
             unused_effects=unused_effects(motion),
             with_direction=tuple(self.names[j] for j in np.flatnonzero((rubs > 0.0) & directed)),
         )
+
+    def led_by(self, motion: MotionModel) -> Correction:
+        """The correction that also leads moving joints by their dead times. Raises `LrmError`: there are none."""
+        late = dead_times(motion)
+        if not late.any():
+            raise LrmError("the model of motion has no dead_time, so there is nothing to lead by; leave lead out")
+        unused = tuple(each for each in self.unused_effects if each != DeadTime.id)
+        return replace(self, lead=Lead(late), unused_effects=unused)
 
     def on_the_base_of(self, other: Correction) -> Correction:
         """The correction whose arm as drawn stands beside another one as the arm files of both have it.

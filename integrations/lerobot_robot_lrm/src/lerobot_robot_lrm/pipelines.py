@@ -28,6 +28,7 @@ def calibrated_processors(
     keep: str = "base,tool",
     accept_settings: bool = False,
     motion: str = "",
+    lead: bool = False,
 ) -> tuple[Any, Any]:
     """`robot_action_processor` and `robot_observation_processor` of a connected robot, as `record_loop` takes them.
 
@@ -40,14 +41,14 @@ def calibrated_processors(
     if not robot.is_connected:
         raise LrmError(f"{robot.name} is not connected; its units and its servos' settings are read from it")
     drop_late_replies(robot)
-    action = CalibratedAction(model, payload_g, keep, motion=motion)
+    action = CalibratedAction(model, payload_g, keep, motion=motion, lead=lead)
     action.arm.check_names(robot.action_features, robot.name)
     if not accept_settings:
         require_servos_of(model, motion, robot, action.arm.correction.names, "accept_settings=True")
     halves = np.degrees(100.0 * radians_per_unit(robot, action.arm.correction.names))
     names = action.arm.correction.names
     ranges = {name: float(half) for name, half in zip(names, halves, strict=True) if abs(half - 100.0) > 1e-9}
-    options = (model, payload_g, keep, "", ranges, motion)
+    options = (model, payload_g, keep, "", ranges, motion, lead)
     before = RobotProcessorPipeline(
         steps=[CalibratedAction(*options)],
         to_transition=robot_action_observation_to_transition,

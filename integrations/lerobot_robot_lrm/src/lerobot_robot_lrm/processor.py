@@ -35,7 +35,7 @@ class CalibratedStep:
         model: the model file. payload_g: what the tool carries. keep: places whose offsets are no error of the arm.
         prefix: what stands before the joints' names, `left_` of two arms.
         half_range_deg: of joints that are commanded −100 … 100, the angle (deg) that 100 is; all others are in degrees.
-        motion: file of a model of motion; "": none.
+        motion: file of a model of motion; "": none. lead: whether moving joints are commanded ahead by its dead times.
     """
 
     model: str
@@ -44,6 +44,7 @@ class CalibratedStep:
     prefix: str = ""
     half_range_deg: dict[str, float] = field(default_factory=dict)
     motion: str = ""
+    lead: bool = False
 
     def __post_init__(self) -> None:
         self.arm = _arm_of(self)
@@ -100,7 +101,8 @@ def _arm_of(step: CalibratedStep) -> CorrectedArm:
     name = repr(asdict(step) | files)
     arm = _arms.get(name)
     if arm is None:
-        correction = Correction.of_file(step.model, 1e-3 * step.payload_g, places_of(step.keep), step.motion)
+        places = places_of(step.keep)
+        correction = Correction.of_file(step.model, 1e-3 * step.payload_g, places, step.motion, step.lead)
         arm = CorrectedArm(step.model, correction, step.prefix)
         arm.scale = np.radians([_degrees_per_unit(step, name.removesuffix(SUFFIX)) for name in arm.keys])
         if unknown := sorted(step.half_range_deg.keys() - {*correction.names}):

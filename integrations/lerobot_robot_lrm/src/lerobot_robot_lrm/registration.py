@@ -16,7 +16,7 @@ from lerobot_robot_lrm.calibrated_pair import CalibratedPair
 from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
 
 CALIBRATED = "_calibrated"
-COMMON = (("accept_settings", bool, False), ("keep", str, "base,tool"))
+COMMON = (("accept_settings", bool, False), ("keep", str, "base,tool"), ("lead", bool, False))
 ONE = (("model", str), ("motion", str, ""), ("payload_g", float, 0.0), *COMMON)
 TWO = (
     ("left_model", str), ("right_model", str), ("left_motion", str, ""), ("right_motion", str, ""),

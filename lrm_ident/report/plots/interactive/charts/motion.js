@@ -21,12 +21,15 @@ const lrmMotion = (() => {
     const x = move.told.map((_, k) => move.start + k * move.dt);
     const time = { range: [x[0], x[x.length - 1]] };
     const line = (y, name, color, ink) => lrmChart.line(name, x, y, { color, width: 1.5, ...ink }, { hoverinfo: "all" });
-    place("errors").textContent = `${what.label}, all moves: ${what.words[0]} before, ${what.words[1]} after (RMS)`;
+    place("errors").textContent = `${what.label}, all moves: ${what.added ? `${what.words[0]} before, ${what.words[1]} after (RMS)`
+      : `${what.words[1]} RMS. Nothing was added to the servo response here, so there is one prediction.`}`;
+    const drawn = what.added ? [["before", move.before, move.left[0], "held"], ["after", move.after, move.left[1], "model"]]
+      : [["", move.after, move.left[1], "model"]];
     draw("path", [
       line(move.told, "command", colour("line"), { width: 1, shape: "hv" }), dots(values.read, x, move.read, { color: colour("ink"), size: 4 }),
-      line(move.before, "predicted before", colour("held")), line(move.after, "predicted after", colour("model")),
+      ...drawn.map(([when, way, , ink]) => line(way, `predicted ${when}`.trim(), colour(ink))),
     ], { ...BELOW, xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } });
-    draw("left", [line(move.left[0], "before", colour("held")), line(move.left[1], "after", colour("model"))],
+    draw("left", drawn.map(([when, , left, ink]) => line(left, when || "remaining error", colour(ink))),
       { ...BELOW, xaxis: { ...time, title: { text: "time in the move, s" } }, yaxis: { title: { text: `reading − prediction, ${values.unit}` } } });
   }
 

@@ -1,0 +1,152 @@
+"""The lead by dead times: what a stream of wishes is commanded ahead, and that it never goes on by itself."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lerobot_robot_lrm.corrected_arm import CorrectedArm
+from lerobot_robot_lrm.correction import Correction
+from lerobot_robot_lrm.lead import FARTHEST_LEAD, SPAN_S, Lead
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.motion.motion_model import MotionModel
+from tests.doors.servos_door import MODEL
+from tests.lerobot.test_in_motion import ARM, NOMINAL, RUBBING, arm_in_motion, sent
+from tests.support.motion_models import write_motion_model
+from validation.lerobot_robot.in_motion import motion_model_with
+
+DEAD_TIMES = st.lists(st.floats(0.0, 0.3), min_size=5, max_size=5).map(np.array)
+STREAMS = st.lists(st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5), min_size=1, max_size=12).map(np.array)
+PERIODS = st.floats(0.002, 0.2)
+LATE = motion_model_with({f"dead_time.joint{j}.t_s": 0.05 for j in (1, 2, 3, 4, 5)})
+FPS = 30.0
+
+
+def leads(dead_time: Array, wishes: Array, period: float) -> Array:
+    """(N, n), rad, ahead of wishes (N, n) that come at a constant rate."""
+    lead, out = Lead(dead_time), []
+    for k, wish in enumerate(wishes):
+        lead = lead.after(wish, k * period)
+        out.append(lead.ahead())
+    return np.array(out)
+
+
+def leading(motion: MotionModel = RUBBING) -> CorrectedArm:
+    """An arm that is led, to which wishes come at 30 a second."""
+    arm = CorrectedArm("model.toml", Correction.of(NOMINAL).in_motion(motion).led_by(motion))
+    arm.scale, arm.clock = np.ones(5), partial(next, count(0.0, 1.0 / FPS))
+    return arm
+
+
+@given(wishes=STREAMS, period=PERIODS)
+def test_without_dead_time_every_wish_is_its_command(wishes: Array, period: float) -> None:
+    np.testing.assert_array_equal(leads(np.zeros(5), wishes, period), np.zeros_like(wishes))
+
+
+@given(wish=STREAMS, dead_time=DEAD_TIMES, period=PERIODS)
+def test_a_constant_stream_is_commanded_as_it_is(wish: Array, dead_time: Array, period: float) -> None:
+    np.testing.assert_array_equal(leads(dead_time, np.repeat(wish[:1], 30, axis=0), period), np.zeros((30, 5)))
+
+
+@given(wishes=STREAMS, dead_time=DEAD_TIMES, period=PERIODS)
+def test_a_lead_is_over_one_span_after_the_stream_has_stopped(wishes: Array, dead_time: Array, period: float) -> None:
+    rests = 1 + math.ceil(SPAN_S / period)
+    found = leads(dead_time, np.concatenate([wishes, np.repeat(wishes[-1:], rests, axis=0)]), period)
+    np.testing.assert_array_equal(found[-1], np.zeros(5))
+
+
+@given(wishes=STREAMS, dead_time=DEAD_TIMES, period=st.floats(SPAN_S, 0.2))
+def test_a_lead_is_at_most_the_slower_of_two_rates_times_the_dead_time(
+    wishes: Array, dead_time: Array, period: float
+) -> None:
+    moved = np.diff(wishes, axis=0, prepend=wishes[:1])
+    slower = np.minimum(np.abs(moved), np.abs(np.roll(moved, 1, axis=0)))
+    slower[0] = 0.0
+    most = np.minimum(slower / period * dead_time, FARTHEST_LEAD)
+    found = leads(dead_time, wishes, period)
+    assert (np.abs(found) <= most + 1e-12).all()
+    assert (found * moved >= 0.0).all()
+
+
+@given(rate=st.floats(0.3, 3.0), dead_time=st.floats(0.0, 0.08), fps=st.floats(20.0, 300.0))
+def test_a_steady_motion_is_led_by_its_rate_times_the_dead_time(rate: float, dead_time: float, fps: float) -> None:
+    wishes = rate / fps * np.arange(40)[:, None] * np.ones(5)
+    np.testing.assert_allclose(leads(np.full(5, dead_time), wishes, 1.0 / fps)[-1], rate * dead_time, atol=1e-9)
+
+
+@given(
+    slowing=st.floats(0.1, 30.0), dead_time=st.floats(0.0, 0.3), phase=st.floats(0.0, 1.0),
+    fps=st.floats(2.0, 300.0),
+)  # fmt: skip
+def test_a_joint_that_slows_down_evenly_is_never_commanded_beyond_where_it_stops(
+    slowing: float, dead_time: float, phase: float, fps: float
+) -> None:
+    left = np.maximum((phase + np.arange(60)[::-1] - 20) / fps, 0.0)
+    wishes = -0.5 * slowing * left[:, None] ** 2 * np.ones(5)
+    assert (wishes + leads(np.full(5, dead_time), wishes, 1.0 / fps) <= 1e-9).all()
+
+
+def test_a_jump_a_turn_and_an_encoder_that_flickers_are_not_led() -> None:
+    late, step = np.full(5, 0.3), 2.0 * np.pi / 4096.0
+    jump = np.repeat([0.0, 0.5], 10)[:, None] * np.ones(5)
+    np.testing.assert_array_equal(leads(late, jump, 1.0 / FPS), np.zeros((20, 5)))
+    turn = np.concatenate([np.linspace(0.0, 0.5, 10), np.linspace(0.45, 0.0, 10)])[:, None] * np.ones(5)
+    assert (leads(late, turn, 1.0 / FPS)[10] == 0.0).all()
+    flicker = step * np.random.default_rng(0).integers(-1, 2, (200, 5)).clip(-1, 1)
+    steps = np.diff(flicker, axis=0)
+    small = np.concatenate([flicker[:1], flicker[:1] + np.cumsum(np.clip(steps, -step, step), axis=0)])
+    np.testing.assert_array_equal(leads(late, small, 1.0 / FPS), np.zeros((200, 5)))
+
+
+def test_the_side_of_friction_is_that_of_the_wishes_when_the_command_falls_back() -> None:
+    wishes = np.concatenate([np.linspace(0.0, 0.6, 20), np.full(10, 0.6)])[:, None] * np.ones(5)
+    led, not_led = sent(leading(), wishes), sent(arm_in_motion(), wishes)
+    assert (led[3:20, 1] > not_led[3:20, 1] + 0.04).all()
+    np.testing.assert_allclose(led[:, [0, 2, 3, 4]], not_led[:, [0, 2, 3, 4]], atol=1e-12)
+    np.testing.assert_allclose(led[20:], not_led[20:], atol=1e-12)
+    np.testing.assert_allclose(led[-1, 1], 0.625, atol=1e-6)
+
+
+def test_what_is_reported_as_sent_is_the_wish_without_its_lead() -> None:
+    arm = leading(LATE)
+    for wish in np.linspace(0.0, 0.6, 20)[:, None] * np.ones(5):
+        asked = arm.corrected(dict(zip(arm.keys, wish, strict=True)), lambda: dict.fromkeys(arm.keys, 0.0))
+        reported = arm.follow(asked, asked.action)
+        np.testing.assert_allclose([reported[key] for key in arm.keys], wish, atol=1e-9)
+    assert asked.action[arm.keys[0]] > wish[0] + 0.04
+    held = dict.fromkeys(arm.keys, wish[0] - 0.1)
+    np.testing.assert_allclose([*arm.follow(asked, held).values()], wish - 0.1, atol=1e-9)
+
+
+def test_commands_that_are_led_stay_within_the_limits() -> None:
+    low, high = Correction.of(NOMINAL).limits
+    there = np.concatenate([low + (high - low) * share for share in np.linspace(0.5, 1.02, 40)[:, None, None]])
+    found = sent(leading(LATE), there)
+    assert (found <= high + 1e-12).all()
+    np.testing.assert_allclose(found[-1], high)
+
+
+def test_a_lead_that_nothing_is_known_for_is_refused_in_one_line(tmp_path: Path) -> None:
+    (model := tmp_path / "model.toml").write_text(MODEL)
+    with pytest.raises(LrmError, match="lead needs a model of motion that has dead_time"):
+        Correction.of_file(model, lead=True)
+    prompt = write_motion_model(MotionModel.nominal(ARM), tmp_path / "motion.toml")
+    with pytest.raises(LrmError, match="has no dead_time, so there is nothing to lead by; leave lead out"):
+        Correction.of_file(model, motion=prompt, lead=True)
+    late = Correction.of_file(model, motion=write_motion_model(LATE, tmp_path / "late.toml"), lead=True)
+    assert "dead_time" not in late.unused_effects
+
+
+def test_a_new_motion_begins_without_a_lead() -> None:
+    arm, wishes = leading(LATE), np.linspace(0.0, 0.6, 20)[:, None] * np.ones(5)
+    sent(arm, wishes)
+    arm.forget()
+    np.testing.assert_allclose(sent(arm, wishes)[:2], wishes[:2], atol=1e-9)
