@@ -56,9 +56,10 @@ from lrm_ident.residual.scale_uncertainty import distance_from_centre, scale_unc
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.arm.place_names import joint_numbers
-from lrm_math.effects import CATALOGUE, Effect, compensable, constant, variants
+from lrm_math.effects import CATALOGUE, Effect, constant, variants
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.kinematics.history import PACE_S
+from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 DEPLOY = "The daemon takes the model; nothing moves. verify then drives to 50 goals."
@@ -234,7 +235,7 @@ def _quiet_headline(report: DiagnosisReport) -> str:
     unsure = list(unsure_of(report))
     it = "it" if len(known) == 1 else "them" if len(unsure) == len(known) else enumerate_effects(unsure, IN_HEADLINE)
     other = f", or another cause that these poses cannot distinguish from {it}" if unsure else ""
-    all_corrected = all(compensable(effect) or effect.remembers for effect in _has_already(report).values())
+    all_corrected = all(on_rover(effect) in CORRECTED for effect in _has_already(report).values())
     return f"Found: {named}{other}, now {'corrected' if all_corrected else 'in the model'}{left}"
 
 
