@@ -21,6 +21,7 @@ from lrm_math.model.deployed_model import as_deployed, as_deployed_at, deployed_
 from lrm_math.model.equilibrium import Equilibrium, batch_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.uncertainty import prediction_covariance
+from lrm_math.model.unseen_states import beyond_session
 from validation.as_deployed.recording import WorldRecording, as_known_to_a_rover, in_shown_frame
 from validation.hidden_effects.data import NOISE_M
 
@@ -89,11 +90,15 @@ def _errors(when: str, study: Study, fresh: Poses, tips_m: Array) -> Record:
 
 
 def _stated_sd(when: str, study: Study, settled: Equilibrium) -> Record:
-    known = study.covariance
+    model, known = study.model, study.covariance
     if known is None:
         return {}
-    whole = prediction_covariance(settled, known.marginal(study.model, deployed_part(as_deployed(study.model))))
-    return {} if whole is None else {f"{when}_sd_mm": _short(1e3 * float(np.sqrt(np.einsum("nii->n", whole).mean())))}
+    whole = prediction_covariance(settled, known.marginal(model, deployed_part(as_deployed(model))))
+    if whole is None:
+        return {}
+    followed = [beyond_session(model, settled.poses.take(np.array([row]))) for row in range(len(settled.poses))]
+    square = np.einsum("nii->n", whole).mean() + np.square(followed).sum(axis=1).mean()
+    return {f"{when}_sd_mm": _short(1e3 * float(np.sqrt(square)))}
 
 
 def _stated(when: str, step: Step) -> Record:
