@@ -151,9 +151,8 @@ def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
 
 def _start(model: Model, first: ConfirmedDiagnosis) -> Step:
     """The start of a run: the model as it is, or a step of its own where it was refitted without outliers."""
-    if not first.diagnosis.outliers:
-        return _step(None, NO_EVIDENCE, None, first)
-    step = _step(StepName(LEAVE_OUT), NO_EVIDENCE, model, first)
+    refitted = bool(first.diagnosis.outliers)
+    step = _step(StepName(LEAVE_OUT) if refitted else None, NO_EVIDENCE, model if refitted else None, first)
     return replace(step, fit=deployable(step.fit, step.data))
 
 

@@ -166,3 +166,12 @@ def test_a_refit_with_a_prior_states_what_the_fit_stated() -> None:
     before, after = (of.model.within.unmeasured for of in (fitted, fitted.fit_all("vague")))
     assert after.measured == before.measured
     assert min(after.sd) > 0.0
+
+
+def test_the_start_of_auto_states_what_the_fit_stated() -> None:
+    """Before, a study after `auto` without a step said nothing of angles that were not measured; its file did."""
+    fitted = study(np.random.default_rng(4).uniform(-1.2, 1.2, (60, 2)))
+    _, after = fitted.auto(max_effects=0)
+    before, stated_after = (of.model.within.unmeasured for of in (fitted, after))
+    assert stated_after.measured == before.measured
+    assert stated_after.sd == pytest.approx(before.sd, rel=0.1)
