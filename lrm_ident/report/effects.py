@@ -21,14 +21,14 @@ EXAMPLE_ARMS = ("so101", "lrm-rover")
 """The first on which an effect can act serves: `quantisation` needs the table of every servo."""
 WHAT_A_FIELD_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
 ON_ROVER = {
-    OnRover.COMPENSATED: "compensates it at every pose",
-    OnRover.ROUNDED: "rounds its commands to these counts, and states the distance that is left (`rounded_error_m`)",
-    OnRover.WARMING: "follows it where the time since power-on is known; else its state in the session goes along",
-    OnRover.REMEMBERED: "follows it where the moves before are known; else its state in the session goes along",
-    OnRover.CARRIED: "does not follow it; its state at the end of the session goes along, or the mean",
-    OnRover.LEFT_OUT: "leaves it out, since it is an error of the measurement",
+    OnRover.COMPENSATED: "compensated at every pose",
+    OnRover.ROUNDED: "not compensated: commands are rounded so, and the distance that is left is stated",
+    OnRover.WARMING: "compensated where the time since power-on is known, else as in the session",
+    OnRover.REMEMBERED: "compensated where it is known what the arm did before, else as in the session",
+    OnRover.CARRIED: "not compensated: stays as at the end of the session, or as on average",
+    OnRover.LEFT_OUT: "left out, since it is an error of the measurement",
 }
-"""What the rover does about an effect."""
+"""Treatment of an effect by the rover."""
 
 
 def listed(command: str, title: str, names: Sequence[str]) -> Iterator[Block]:
@@ -63,13 +63,13 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
 
 
 def _on_rover(effects: Sequence[Effect]) -> Iterator[str]:
-    """What the rover does about an effect, at each place where that differs."""
+    """Treatment of an effect by the rover, at each place where that differs."""
     places: dict[OnRover, list[str]] = {}
     for effect in effects:
         places.setdefault(on_rover(effect), []).append(effect.place)
     for treatment, at in places.items():
         where = "" if len(places) == 1 else f" at {', '.join(at)}"
-        yield f"    on the rover{where}: it {ON_ROVER[treatment]}"
+        yield f"    on the rover{where}: {ON_ROVER[treatment]}"
 
 
 def _acts_on(effect: Effect) -> str:
