@@ -8,6 +8,7 @@ the law says beyond those states may be all wrong, so it counts as one standard 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,8 @@ def beyond_session(model: Model, now: Poses) -> Array:
     (`with_borne_loads`). Raises `NoEquilibrium`.
     """
     names = followed_effects(model, now)
+    if not names:
+        return np.zeros(3)
     deployed = as_deployed_with(model, names)
     seen = _with_seen_memory(model, deployed, _with_seen_times(model, names, now))
     if seen is now:
@@ -43,7 +46,7 @@ def _with_seen_times(model: Model, names: list[str], now: Poses) -> Poses:
     """The pose at the nearest time that was measured, where a law follows the time."""
     if model.within is None or model.state is None or not {*names} & {*model.state.warming}:
         return now
-    seen: dict[str, Array] = {}
+    seen: dict[str, Any] = {}
     for name, ends in (("t", model.within.t), ("running", model.within.running)):
         time = getattr(now, name)
         if ends is not None and time is not None and (nearest := np.clip(time, *ends)) != time:
