@@ -22,6 +22,8 @@ SETTLE_S, DWELL_S = 0.05, 0.2
 """Of the computer's clock; the simulated arm's runs faster."""
 
 
+INTERRUPTED = (1, 130)
+"""Exit codes of a command of `lrm-ident` that a signal ended: what follows it is not run either."""
 TIMING = ("--settle", str(SETTLE_S), "--dwell", str(DWELL_S))
 
 
@@ -175,11 +177,13 @@ class DemoSteps:
         self._run("lrm-ident", words)
 
     def _run(self, program: str, words: Sequence[str]) -> None:
-        """Runs a command in this process. Raises `LrmError`."""
+        """Runs a command in this process. Raises `LrmError`, and `SystemExit` where the command was told to end."""
         show("", heading(f"$ {program} {shlex.join(words)}"))
         began = time.monotonic()
         code = lrm.main(list(words)) if program == "lrm" else app(list(words), standalone_mode=False)
         show(f"({time.monotonic() - began:.1f} s)")
+        if code in INTERRUPTED and program != "lrm":
+            raise SystemExit(code)
         if code:
             raise LrmError(f"{program} {words[0]} ended with exit code {code}")
 

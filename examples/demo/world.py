@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import socket
 import subprocess
 import sys
@@ -70,7 +71,9 @@ def simulated_world(folder: Path, seed: int, tracker: str = TRACKER, speed: floa
     """Starts everything, and arms the arm at its home pose. Raises `LrmError`.
 
     `tracker`: module that sees the tip of the arm of a seed, by `simulated_tracker.track`. `speed`: of its clock.
+    A SIGTERM ends this process as an exception does, with all that it started.
     """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     config = config_in(folder)
     # Servos without a dead band: with one, each would stop short of where it was sent, on the side it comes from.
     with (

@@ -21,6 +21,7 @@ from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.step import Step
+from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -131,7 +132,7 @@ def run_auto(
             refused = (*refused, effect)
             latest = confirm(diagnose(last, data, kinds, progress, loss, rates), blocks, refused=refused)
             continue
-        steps.append(_step(StepName(ADD, effect), evidence, last, latest))
+        steps.append(_step(StepName(ADD, effect), evidence, last, latest, refit.fit))
         on_step(steps[-1])
     return AutoRun(tuple(steps), latest)
 
@@ -152,13 +153,16 @@ def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
 
 def _start(model: Model, first: ConfirmedDiagnosis) -> Step:
     """The start of a run: the model as it is, or a step of its own where it was refitted without outliers."""
-    if not first.diagnosis.outliers:
-        return _step(None, NO_EVIDENCE, None, first)
-    step = _step(StepName(LEAVE_OUT), NO_EVIDENCE, model, first)
-    return replace(step, fit=deployable(step.fit, step.data))
+    if first.diagnosis.outliers:
+        return _step(StepName(LEAVE_OUT), NO_EVIDENCE, model, first)
+    return _step(None, NO_EVIDENCE, None, first)
 
 
-def _step(name: StepName | None, evidence: Evidence, start: Model | None, after: ConfirmedDiagnosis) -> Step:
-    """The step with the results of the diagnosis after it."""
+def _step(
+    name: StepName | None, evidence: Evidence, start: Model | None, after: ConfirmedDiagnosis, stated: Fit | None = None
+) -> Step:
+    """The step with the results of the diagnosis after it. `stated`: the fit before that, which is deployable."""
+    fit, data = after.diagnosis.fit, after.diagnosis.data
+    deployed = fit if fit is stated else deployable(fit, data)  # a diagnosis fits anew where it finds outliers
     held_out = HeldOutResidual(after.held_out, deployed=after.deployed)
-    return Step(name, after.diagnosis.fit, after.diagnosis.data, start, held_out=held_out, evidence=evidence)
+    return Step(name, deployed, data, start, held_out=held_out, evidence=evidence)

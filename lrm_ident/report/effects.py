@@ -11,15 +11,24 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.report.document import Block, ResultTable, heading
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import NOT_A_CAUSE, Effect, EffectRef, Parameter, compensable, marked
+from lrm_math.effects import NOT_A_CAUSE, Effect, EffectRef, Parameter, marked
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.targets import Kind, kind_of, slot_of
+from lrm_math.model.deployed_model import OnRover, on_rover
 
 MOST_PARAMETERS = 24
 EXAMPLE_ARMS = ("so101", "lrm-rover")
 """The first on which an effect can act serves: `quantisation` needs the table of every servo."""
 WHAT_A_FIELD_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
-OFFLINE = "explains a measurement session; never deployed silently"
+ON_ROVER = {
+    OnRover.COMPENSATED: "compensated at every pose",
+    OnRover.ROUNDED: "not compensated: commands are rounded so, and the distance that is left is stated",
+    OnRover.WARMING: "compensated where the time since power-on is known, else as in the session",
+    OnRover.REMEMBERED: "compensated where it is known what the arm did before, else as in the session",
+    OnRover.CARRIED: "not compensated: stays as at the end of the session, or as on average",
+    OnRover.LEFT_OUT: "left out, since it is an error of the measurement",
+}
+"""Treatment of an effect by the rover."""
 
 
 def listed(command: str, title: str, names: Sequence[str]) -> Iterator[Block]:
@@ -38,12 +47,12 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
     if in_full:
         yield f"    source: {kind.about.source}"
         yield f"    needs: {kind.about.needs or 'nothing special'}"
-        yield "    " + ("the rover can compensate it" if compensable(kind) else OFFLINE)
         arms = map(load_arm, EXAMPLE_ARMS)
         arm = next((one for one in arms if kind.places(one)), None)
         if arm is None:
             yield f"    places: none on {' or '.join(EXAMPLE_ARMS)}"
             return
+        yield from _on_rover([kind(arm, place) for place in kind.places(arm)])
         effect = kind(arm, kind.places(arm)[0])
         yield f"    places, for example on {arm.name}: {', '.join(kind.places(arm))}"
         yield f"    acts on: {_acts_on(effect)}"
@@ -51,6 +60,16 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
         yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters[:MOST_PARAMETERS])
         if len(effect.parameters) > MOST_PARAMETERS:
             yield f"      and {len(effect.parameters) - MOST_PARAMETERS} more"
+
+
+def _on_rover(effects: Sequence[Effect]) -> Iterator[str]:
+    """Treatment of an effect by the rover, at each place where that differs."""
+    places: dict[OnRover, list[str]] = {}
+    for effect in effects:
+        places.setdefault(on_rover(effect), []).append(effect.place)
+    for treatment, at in places.items():
+        where = "" if len(places) == 1 else f" at {', '.join(at)}"
+        yield f"    on the rover{where}: {ON_ROVER[treatment]}"
 
 
 def _acts_on(effect: Effect) -> str:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.place_names import place_words
-from lrm_math.effects import CATALOGUE, Effect, EffectRef, ParameterRef, compensable, marked
+from lrm_math.effects import CATALOGUE, Effect, EffectRef, ParameterRef, marked
 from lrm_math.effects.session_errors import session_words
+from lrm_math.model.deployed_model import CORRECTED, on_rover
 from lrm_math.model.step_name import StepName
 
 WORDS: Mapping[str, Mapping[str, str]] = tomllib.loads(
@@ -49,7 +50,7 @@ def repair_advice(*effects: Effect) -> str:
     """What to repair and to do then, or that the model corrects it; "" where nothing is known to do."""
     known = [(effect, words_of(effect.name, "repair")) for effect in effects if type(effect) in CATALOGUE]
     repairs = [
-        (compensable(effect) or effect.remembers, words.format(place=place_in_words(effect.name)))
+        (on_rover(effect) in CORRECTED, words.format(place=place_in_words(effect.name)))
         for effect, words in known
         if words
     ]

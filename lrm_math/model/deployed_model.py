@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from enum import Enum
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from lrm_math.arrays import Vector3
 from lrm_math.effects import Effect, EffectRef, ModelPart, ParameterRef, effect_of, effects_at
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.forces import Gravity
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.effects.session_errors import Drift, warms_with_the_arm
@@ -27,9 +29,51 @@ from lrm_math.model.session_state import SessionMemory, StateAfterSession
 COMPENSATED = {"angle", "direction"}
 
 
+class OnRover(Enum):
+    """Treatment of an effect by who drives the arm."""
+
+    COMPENSATED = "compensated"
+    """At every pose."""
+    ROUNDED = "rounded"
+    """Commands are rounded so, and what that leaves is stated."""
+    WARMING = "warming"
+    """Compensated where the time since power-on is known; else its state goes along."""
+    REMEMBERED = "remembered"
+    """Compensated where it is known what the arm did before; else its state goes along."""
+    CARRIED = "carried"
+    """Left out, and its state goes along."""
+    LEFT_OUT = "left out"
+    """As an error of the measurement."""
+
+
+CORRECTED = {OnRover.COMPENSATED, OnRover.WARMING, OnRover.REMEMBERED}
+"""Those that leave no error, where what they follow is known."""
+
+
+def on_rover(effect: Effect) -> OnRover:
+    """Treatment of an effect by who drives the arm, at its place."""
+    if COMPENSATED.issuperset(effect.depends_on):
+        return OnRover.COMPENSATED
+    if isinstance(effect, Quantisation):
+        return OnRover.ROUNDED
+    if isinstance(effect, EffectWithMemory):
+        return OnRover.REMEMBERED
+    if warms_with_the_arm(effect):
+        return OnRover.WARMING
+    return OnRover.CARRIED if goes_along(effect) else OnRover.LEFT_OUT
+
+
 def of_a_session(effect: Effect) -> bool:
     """Whether it explains one measurement session: drift, power cycles, the tracker's frame."""
     return not {"time", "session"}.isdisjoint(effect.depends_on)
+
+
+def goes_along(effect: Effect) -> bool:
+    """Whether no rover can compensate it and it moves the arm or its base, so that its state goes along.
+
+    Not one of the measurement: the arm that it saw was not at rest.
+    """
+    return of_a_session(effect) and kind_of(effect) is Kind.MOTION and effect.part is not ModelPart.MEASUREMENT
 
 
 def as_deployed(model: Model) -> Model:

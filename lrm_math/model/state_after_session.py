@@ -16,11 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arm.arm import BASE
-from lrm_math.effects import Effect, ModelPart
+from lrm_math.effects import Effect
 from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.effects.offsets import Offsets
-from lrm_math.effects.targets import Kind, kind_of
-from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
+from lrm_math.model.deployed_model import as_deployed, goes_along, of_a_session, with_offsets
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.effect_binding import BoundEffect, distortion
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
@@ -43,12 +42,8 @@ def usually_carried(effect: Effect) -> CarriedState:
 
 
 def passing_effects(model: Model) -> tuple[Effect, ...]:
-    """Effects that no rover can compensate and that move the arm or its base: their state goes along.
-
-    Not those of the measurement: the arm that it saw was not at rest.
-    """
-    passing = (effect for effect in model.effects if of_a_session(effect) and kind_of(effect) is Kind.MOTION)
-    return tuple(effect for effect in passing if effect.part is not ModelPart.MEASUREMENT)
+    """The effects of a model whose state goes along (`goes_along`)."""
+    return tuple(filter(goes_along, model.effects))
 
 
 def state_after_session(

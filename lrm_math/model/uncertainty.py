@@ -40,12 +40,17 @@ class PositionUncertainty:
 def position_uncertainty(
     settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
 ) -> PositionUncertainty | None:
-    """Standard deviation at the first pose: see `position_covariance`, and what the measured angles leave open."""
+    """Standard deviation at the first pose: see `prediction_covariance`."""
+    every = prediction_covariance(settled, covariance, joint_sd)
+    return None if every is None else PositionUncertainty(every[0], math.sqrt(float(np.trace(every[0]))))
+
+
+def prediction_covariance(
+    settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
+) -> Array | None:
+    """(N, 3, 3), m²: `position_covariance` and `open_covariance` together; None if no cause is known."""
     every = position_covariance(settled, covariance, joint_sd)
-    if every is None:
-        return None
-    whole = every[0] + open_covariance(settled)[0]
-    return PositionUncertainty(whole, math.sqrt(float(np.trace(whole))))
+    return None if every is None else every + open_covariance(settled)
 
 
 def position_covariance(

@@ -30,6 +30,7 @@ from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
 from lrm_math.model.memory_record import after_stand, nothing_known, when_powered
 from lrm_math.model.model import Model
 from lrm_math.model.tip_over import tip_over_angles
+from lrm_math.model.unseen_states import beyond_session
 from lrmd.config import SECOND, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -215,9 +216,7 @@ class IkService:
     def at(self, now: Poses) -> IkService:
         """The service at one pose of which it is known since when the arm has power, which the drift of a joint may
         follow, and what it did before, which a memory follows."""
-        if now.history is not None and self.remembering is not None:
-            now = with_borne_loads(self.remembering, now)
-        added = followed_parts(self.model, now)
+        added = followed_parts(self.model, self._bearing(now))
         return self._solved_by(self.solver.with_offsets(added)) if added else self
 
     @property
@@ -299,7 +298,7 @@ class IkService:
             answer = held(self.at(there))
             solved = answer.q_rad is not None
             answer = answer if solved else free(self.at(there))
-            answer = answer.model_copy(update={"sd_m": self._with_memory(answer.sd_m, known, there)})
+            answer = answer.model_copy(update={"sd_m": self._with_followed(answer.sd_m, known, there)})
             if not solved or apart(answer.q_rad or [], before) < ARRIVED:
                 break
         return answer
@@ -329,17 +328,30 @@ class IkService:
         most = max(abs(after - before) for before, after in zip(*pulses, strict=True))
         return float(-(-most // self.config.step) * self.config.tick / SECOND)
 
-    def _with_memory(self, sd: float | None, known: Known, now: Poses) -> float | None:
-        """Standard deviation of the tip (m) at one pose, with what is not known of the arm's memory."""
-        if sd is None or known.remembered is None or now.history is None or self.remembering is None:
-            return sd
-        begun = (known.remembered.now, *known.remembered.or_else)
-        visits = [replace(now.history.visits, begun=one) for one in begun]
+    def _with_followed(self, sd: float | None, known: Known, now: Poses) -> float | None:
+        """Standard deviation of the tip (m) at one pose, with what is not known of the arm's memory, and what is said
+        beyond the states that the session had (`beyond_session`)."""
+        if sd is None:
+            return None
         try:
-            tips = [self._tip(replace(now, history=replace(now.history, visits=one))) for one in visits]
+            unsure = [*self._other_memories(known, now), beyond_session(self.model, self._bearing(now))]
         except NoEquilibrium:
             return None
-        return math.hypot(sd, *(float(np.linalg.norm(tip - tips[0])) for tip in tips[1:]))
+        return math.hypot(sd, *(float(np.linalg.norm(apart)) for apart in unsure))
+
+    def _other_memories(self, known: Known, now: Poses) -> Iterator[Array]:
+        """(3,), how far the tip would be elsewhere (m) with each memory that is not known one standard deviation off.
+        Raises `NoEquilibrium`."""
+        if known.remembered is None or now.history is None or self.remembering is None:
+            return
+        begun = (known.remembered.now, *known.remembered.or_else)
+        visits = [replace(now.history.visits, begun=one) for one in begun]
+        tips = [self._tip(replace(now, history=replace(now.history, visits=one))) for one in visits]
+        yield from (tip - tips[0] for tip in tips[1:])
+
+    def _bearing(self, now: Poses) -> Poses:
+        """The pose with the loads before it that the deployed arm bore, where something remembers them."""
+        return now if now.history is None or self.remembering is None else with_borne_loads(self.remembering, now)
 
     def _tip(self, now: Poses) -> Array:
         assert self.remembering is not None
@@ -404,7 +416,7 @@ class IkService:
             f = (here if here is self else self.at(now)).solver.predicted(now)
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
-                sd_m=self._with_memory(None if f.uncertainty is None else f.uncertainty.sd, known, now),
+                sd_m=self._with_followed(None if f.uncertainty is None else f.uncertainty.sd, known, now),
                 outside_range=self._outside(q),
                 direction=arrival.side.astype(int).tolist(), tip_over_rad=self.tip_over(q, payload),
             )  # fmt: skip

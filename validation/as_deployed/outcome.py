@@ -17,9 +17,11 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effect_of
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed_at
-from lrm_math.model.equilibrium import batch_equilibrium
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at, deployed_part
+from lrm_math.model.equilibrium import Equilibrium, batch_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.uncertainty import prediction_covariance
+from lrm_math.model.unseen_states import beyond_session
 from validation.as_deployed.recording import WorldRecording, as_known_to_a_rover, in_shown_frame
 from validation.hidden_effects.data import NOISE_M
 
@@ -36,6 +38,7 @@ def examined(run: WorldRecording, floor: bool = False) -> Record:
     a restart, when nothing is known of before; `before_recorded`, `after_recorded`: by a daemon that was never off.
         WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise.
         WHEN_aligned_mm: RMS after the best rigid alignment of those poses. WHEN_unsettled: poses without equilibrium.
+        WHEN_sd_mm: RMS standard deviation that the daemon states there.
         shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed;
             stated_restarted_WHEN_mm: where nothing is known of before.
         steps: see `steps_of`. verdict: of `auto` in the end. seconds: of this record.
@@ -53,15 +56,15 @@ def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
     data, recorded = run.load(folder)
     fresh = as_known_to_a_rover(recorded)
     plain = Study.of(data).fit(loss=run.loss)
-    record: Record = _errors("before", plain.model, fresh, run.tips_m)
-    record |= _errors("before_recorded", plain.model, recorded, run.tips_m)
+    record: Record = _errors("before", plain, fresh, run.tips_m)
+    record |= _errors("before_recorded", plain, recorded, run.tips_m)
     if floor:
         known, _ = run.load(folder, run.arm_with_known_gravity(folder))
-        informed = Study.of(known).fit(loss=run.loss).model
+        informed = Study.of(known).fit(loss=run.loss)
         record |= _errors("floor", informed, fresh, run.tips_m)
     found, named = plain.auto()
-    record |= _errors("after", named.model, fresh, run.tips_m)
-    record |= _errors("after_recorded", named.model, recorded, run.tips_m)
+    record |= _errors("after", named, fresh, run.tips_m)
+    record |= _errors("after_recorded", named, recorded, run.tips_m)
     return record | {
         **_stated("before", found.steps[0]),
         **_stated("after", found.steps[-1]),
@@ -70,9 +73,10 @@ def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
     }
 
 
-def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
+def _errors(when: str, study: Study, fresh: Poses, tips_m: Array) -> Record:
     """Errors at fresh poses as deployed; `unsettled` counts those that the model has no equilibrium for."""
-    settled, rows = batch_equilibrium(as_deployed_at(model, fresh), fresh)
+    deployed = as_deployed_at(study.model, fresh)
+    settled, rows = batch_equilibrium(deployed, fresh)
     tips = tips_m[rows]
     error = settled.tcp - tips
     aligned = in_shown_frame(settled.tcp, tips, settled.tcp) - tips
@@ -80,8 +84,21 @@ def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
         f"{when}_mm": _short(1e3 * error_stats(error).rms),
         f"{when}_max_mm": _short(1e3 * error_stats(error).max),
         f"{when}_aligned_mm": _short(1e3 * error_stats(aligned).rms),
+        **_stated_sd(when, study, settled),
     }
     return found if len(rows) == len(fresh) else found | {f"{when}_unsettled": len(fresh) - len(rows)}
+
+
+def _stated_sd(when: str, study: Study, settled: Equilibrium) -> Record:
+    model, known = study.model, study.covariance
+    if known is None:
+        return {}
+    whole = prediction_covariance(settled, known.marginal(model, deployed_part(as_deployed(model))))
+    if whole is None:
+        return {}
+    followed = [beyond_session(model, settled.poses.take(np.array([row]))) for row in range(len(settled.poses))]
+    square = np.einsum("nii->n", whole).mean() + np.square(followed).sum(axis=1).mean()
+    return {f"{when}_sd_mm": _short(1e3 * float(np.sqrt(square)))}
 
 
 def _stated(when: str, step: Step) -> Record:
@@ -129,6 +146,15 @@ def ratio(record: Record, known: str = "") -> float | None:
     if record.get(f"{after}_unsettled", 0) > record.get(f"{before}_unsettled", 0):
         return float("inf")
     return float(record[f"{after}_mm"] / record[f"{before}_mm"])
+
+
+def over_stated_sd(record: Record) -> float | None:
+    """Error after `auto` over the standard deviation that the daemon states there; None: it states none.
+
+    The larger one of a daemon that was never off and of one after a restart.
+    """
+    whens = [when for when in ("after", "after_recorded") if f"{when}_sd_mm" in record]
+    return max((float(record[f"{when}_mm"] / record[f"{when}_sd_mm"]) for when in whens), default=None)
 
 
 def stated_off(record: Record) -> float | None:

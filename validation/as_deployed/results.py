@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, stated_off
+from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, over_stated_sd, ratio, stated_off
 from validation.runner import ResultsFile
 from validation.tables import markdown_table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
 OFF = 0.1
+SURE = 2.0
+"""Standard deviations that an error exceeds rarely: two as of a Gaussian."""
 IMPLAUSIBLE = "implausible"
 IN_MM = ("loop/", "board/", "real/")
 Cases = dict[str, Record]
@@ -77,7 +79,7 @@ def _counts(cases: Cases, beside: Cases) -> str:
             rows.append((group, "then", *_count(beside, both)))
     head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"never off > {WORSE} ×")
     more = ("median ratio", "worst", "before × noise", "after × noise", "worst after", f"stated off by > {OFF:.0%}")
-    return markdown_table((*head, *more), rows)
+    return markdown_table((*head, *more, f"error > {SURE:g} × its sd"), rows)
 
 
 def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
@@ -94,6 +96,8 @@ def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
         yield from "–" * 5
     known = [off for one in ran if (off := stated_off(one)) is not None]
     yield f"{sum(abs(off) > OFF for off in known)} of {len(known)}" if known else "–"
+    sure = [over for one in ran if (over := over_stated_sd(one)) is not None]
+    yield f"{sum(over > SURE for over in sure)} of {len(sure)}" if sure else "–"
 
 
 def _table(cases: Cases, beside: Cases) -> str:
@@ -107,6 +111,7 @@ def _table(cases: Cases, beside: Cases) -> str:
         "its ratio",
         "shown × noise",
         "stated × noise",
+        "error / its sd",
         "named",
         "verdict",
     )
@@ -115,7 +120,7 @@ def _table(cases: Cases, beside: Cases) -> str:
     for key, record in cases.items():
         then = _then(beside.get(key)) if beside else ()
         if "trouble" in record:
-            rows.append((key, record.get("hidden", ""), *("–",) * 8, record["trouble"].replace("|", "/"), *then))
+            rows.append((key, record.get("hidden", ""), *("–",) * 9, record["trouble"].replace("|", "/"), *then))
             continue
         floor = f" (floor {record['floor_mm'] / NOISE_MM:.2f})" if "floor_mm" in record else ""
         figures = [f"{record[name] / NOISE_MM:.2f}" for name in ("before_mm", "after_mm", "shown_after_mm")]
@@ -128,6 +133,7 @@ def _table(cases: Cases, beside: Cases) -> str:
             *never_off,
             figures[2],
             stated,
+            "–" if (over := over_stated_sd(record)) is None else f"{over:.2f}",
             steps_words(record),
             record["verdict"],
         )

@@ -16,6 +16,7 @@ from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.real_arm import REAL
 from validation.as_deployed.recording import OngoingWorld, WorldRecording
 from validation.hidden_effects.case import Case
+from validation.synthetic import load_arm
 
 PARTS = ("catalogue", "lean", "beyond", "absurd", "loop", "board", "real")
 JOINTS = (2, 3, 4)
@@ -28,11 +29,13 @@ def _truth(case: Case) -> str:
 
 
 def _half_measured(number: int, case: Case) -> OngoingWorld:
-    """Joints 2, 3 and 4 in turn over cases and seeds, so that seeds 0, 1, 2 give each case every joint."""
+    """Joints 2, 3 and 4 in turn over cases and seeds, so that seeds 0, 1, 2 give each case every joint; of an arm with
+    fewer joints the last."""
 
     def record(seed: int, poses: int) -> WorldRecording:
         side = -1 if (number // len(JOINTS) + seed) % 2 else 1
-        return recording_of(case, seed, poses, HalfRange(JOINTS[(number + seed) % len(JOINTS)], side))
+        joint = min(JOINTS[(number + seed) % len(JOINTS)], len(load_arm(case.arm_file).links))
+        return recording_of(case, seed, poses, HalfRange(joint, side))
 
     return OngoingWorld.of(_truth(case), record)
 

@@ -8,7 +8,8 @@ from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.assessment import Assessment
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
-from lrm_math.effects import compensable, variants
+from lrm_math.effects import variants
+from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 LISTED, NAMED = 4, 2
 MISSING = "Missing from the model"
@@ -74,7 +75,7 @@ def _quiet(assessment: Assessment) -> str:
     unsure = assessment.unsure
     it = "it" if len(known) == 1 else "them" if len(unsure) == len(known) else enumerate_effects(unsure, NAMED)
     other = f", or another cause that these poses cannot distinguish from {it}" if unsure else ""
-    all_corrected = all(compensable(effect) or effect.remembers for effect in known.values())
+    all_corrected = all(on_rover(effect) in CORRECTED for effect in known.values())
     now = "corrected" if all_corrected else "in the model"
     return f"Found: {enumerate_effects(known, NAMED)}{other}, now {now}{left}"
 

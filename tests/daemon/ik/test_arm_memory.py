@@ -206,7 +206,7 @@ def test_rpc_ik_reaches_the_goal_with_the_state_at_arrival(poses: list[tuple[flo
 
 
 def test_after_a_start_the_uncertainty_of_the_memory_stands_in_the_answer_and_fades() -> None:
-    of = model(("creep@joint2",), sd=0.5)
+    of = model(("creep@joint2",), sd=0.6)  # the session had the load of this pose, within two of them
     keys = (SPRING,)
     arm = DrivenArm(service(of, Covariance(keys, np.array([[1e-12]]))), np.array([0.0, 0.3, 0.2, 0.0, 0.0, 0.0]))
 
@@ -216,7 +216,7 @@ def test_after_a_start_the_uncertainty_of_the_memory_stands_in_the_answer_and_fa
         return place.sd_m
 
     first = sd()
-    assert 1e-3 < first < 0.5 * SIZES[CREEP], "0.5 N·m of 0.05 rad/N·m, at some tenths of a metre"
+    assert 1e-3 < first < 0.6 * SIZES[CREEP], "0.6 N·m of 0.05 rad/N·m, at some tenths of a metre"
     (answer,) = arm.ik.inverse(IkRequest(goals=[GoalEntry(position_m=arm.tip)]), arm.known)
     assert answer.sd_m is not None
     assert answer.sd_m > 0.5 * first
@@ -224,6 +224,38 @@ def test_after_a_start_the_uncertainty_of_the_memory_stands_in_the_answer_and_fa
     assert sd() == pytest.approx(first / np.e, rel=0.05)
     arm.stand(1200.0)
     assert sd() < 0.01 * first
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_a_law_says_of_loads_that_its_session_had_not_stands_in_the_uncertainty(side: float) -> None:
+    """Measured with the load on one side: where it lies on the other one for long, the law may be all wrong.
+
+    In a simulated world whose joint 2 warmed up, and was measured in its lower half, the tip was off by 9.4 mm in the
+    upper half, where creep was followed, and 2.0 mm were stated.
+    """
+    q = side * np.array([0.0, 0.6, 0.2, 0.0, 0.0, 0.0])
+    of, quiet = model(("creep@joint2",)), Covariance((SPRING,), np.array([[1e-12]]))
+    ik = service(of)
+    begun = ik.nothing_known
+    assert begun is not None
+    here, there = (ik.after_stand(begun, one, 0.0, LONG_S).now["creep@joint2"][0] for one in (q, -q))
+    assert of.state is not None
+
+    def known(mean: float) -> tuple[float, float]:
+        """Uncertainty after a long stand (m), and the tip's distance from where it is with the session's memory."""
+        session = SessionMemory(KEPT, (mean,), (0.05,))
+        arm = DrivenArm(service(of.with_state(replace(of.state, memory={"creep@joint2": session})), quiet), q)
+        begin = arm.tip
+        arm.stand(1e4)
+        (place,) = arm.ik.forward(FkRequest(q_rad=[q.tolist()]), arm.known)
+        assert place.sd_m is not None
+        return place.sd_m, float(np.linalg.norm(np.subtract(place.tcp_m, begin)))
+
+    sd, _ = known(here)
+    assert sd < 1e-5, "the session had this load"
+    sd, moved = known(there)
+    assert moved > 5e-3
+    assert 0.7 * moved < sd < moved
 
 
 def test_a_break_of_the_pulses_and_another_model_begin_anew() -> None:

@@ -166,3 +166,28 @@ def test_a_refit_with_a_prior_states_what_the_fit_stated() -> None:
     before, after = (of.model.within.unmeasured for of in (fitted, fitted.fit_all("vague")))
     assert after.measured == before.measured
     assert min(after.sd) > 0.0
+
+
+def test_the_start_of_auto_states_what_the_fit_stated() -> None:
+    """Before, a study after `auto` without a step said nothing of angles that were not measured; its file did."""
+    fitted = study(np.random.default_rng(4).uniform(-1.2, 1.2, (60, 2)))
+    _, after = fitted.auto(max_effects=0)
+    before, stated_after = (of.model.within.unmeasured for of in (fitted, after))
+    assert stated_after.measured == before.measured
+    assert stated_after.sd == pytest.approx(before.sd, rel=0.1)
+
+
+def test_a_step_after_which_outliers_are_found_states_the_same() -> None:
+    """The eccentricity hides a wrong position; with it that is left out, and the model is fitted anew."""
+    rng, count = np.random.default_rng(5), 80
+    q, number = rng.uniform(-1.2, 1.2, (count, 2)), np.arange(1, count + 1)
+    model = model_of(ARM, [*effects_at(ARM, "offsets"), *effects_at(ARM, "compliance")])
+    true = q + np.stack([0.04 * np.sin(2.0 * q[:, 0]), np.zeros(count)], axis=1)
+    tcp = solve_equilibrium(model, poses_of(true)).tcp + rng.normal(0.0, NOISE, (count, 3))
+    tcp[[7, 30, 55]] += 1e-3
+    source = Source(Path("d.csv"), "0" * 64, arm=ARM)
+    data = Measurements.of_tcp(replace(poses_of(q), number=number), tcp, NOISE, pose=number, source=source)
+    found, after = Study.of(data).fit().auto(max_effects=1)
+    before, with_it = found.steps
+    assert len(with_it.data) < len(before.data)
+    assert after.model.within.unmeasured is not None

@@ -1,0 +1,76 @@
+"""Laws that are followed beyond what their session showed: how far the tip goes with them where nothing was measured.
+
+A law of the time since power-on, or of what the arm did before, is known from the states that its session had. In the
+other half of a joint's range a creep has the load on the other side, and a warm-up goes on after the last pose. What
+the law says beyond those states may be all wrong, so it counts as one standard deviation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
+from lrm_math.kinematics.history import History, Visits
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.deployed_model import as_deployed_with, followed_effects
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.session_state import SessionMemory
+
+SEEN = 2.0
+"""Standard deviations from its mean in the session within which a memory is taken as seen."""
+
+
+def beyond_session(model: Model, now: Poses) -> Array:
+    """(3,), m: how far followed laws move the tip, beyond where they would if all stood as in the session at most.
+
+    Zero where the session showed such states. `now`: one pose, its history with the loads that it bore
+    (`with_borne_loads`). Raises `NoEquilibrium`.
+    """
+    names = followed_effects(model, now)
+    if not names:
+        return np.zeros(3)
+    deployed = as_deployed_with(model, names)
+    seen = _with_seen_memory(model, deployed, _with_seen_times(model, names, now))
+    if seen is now:
+        return np.zeros(3)
+    there, within = (solve_equilibrium(deployed, poses).true_tcp[0] for poses in (now, seen))
+    return np.asarray(there - within)
+
+
+def _with_seen_times(model: Model, names: list[str], now: Poses) -> Poses:
+    """The pose at the nearest time that was measured, where a law follows the time."""
+    if model.within is None or model.state is None or not {*names} & {*model.state.warming}:
+        return now
+    seen: dict[str, Any] = {}
+    for name, ends in (("t", model.within.t), ("running", model.within.running)):
+        time = getattr(now, name)
+        if ends is not None and time is not None and (nearest := np.clip(time, *ends)) != time:
+            seen[name] = nearest
+    return replace(now, **seen) if seen else now
+
+
+def _with_seen_memory(model: Model, deployed: Model, now: Poses) -> Poses:
+    """The pose with the nearest memory that the session had, as if it had just come there."""
+    if now.history is None or model.state is None:
+        return now
+    visits, row = now.history.visits, int(now.history.row[0])
+    memory = {
+        effect.name: tuple(float(course[row]) for course in effect.memory(visits, p))
+        for effect, p in deployed.parts()
+        if isinstance(effect, EffectWithMemory) and effect.name in model.state.memory
+    }
+    seen = {name: _nearest_seen(model.state.memory[name], numbers) for name, numbers in memory.items()}
+    if seen == memory:
+        return now
+    held = Visits(now.q, now.payload, np.zeros(1), np.array([True]), now.gravity, begun=seen)
+    return replace(now, history=History(held, np.array([0])))
+
+
+def _nearest_seen(session: SessionMemory, numbers: tuple[float, ...]) -> tuple[float, ...]:
+    known = zip(numbers, session.mean, session.sd, strict=True)
+    return tuple(min(max(x, mean - SEEN * sd), mean + SEEN * sd) for x, mean, sd in known)
