@@ -11,7 +11,7 @@ from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
-from lrm_math.errors import FileError
+from lrm_math.text_file import read_utf8
 from lrm_math.toml_file import parse_toml
 
 ARM = re.compile(r"^arm[ \t]*=.*$", re.MULTILINE)
@@ -27,12 +27,8 @@ def text_to_deploy(path: Path) -> str:
 
     Raises `FileError`: a file that cannot be read or is no TOML, or its arm file is none.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"cannot be read ({error})") from None
     tables = parse_toml(path)
-    text, arm = _without_history(text, tables), tables.get("arm")
+    text, arm = _without_history(read_utf8(path), tables), tables.get("arm")
     if not isinstance(arm, str) or Path(arm).suffix != ".toml":
         return text
     from lrm_math.arm.arm_file import arm_of  # takes a while, and most models are of a shipped arm

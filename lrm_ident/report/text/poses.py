@@ -15,11 +15,14 @@ def limitation_sentence(one: Limitation) -> str:
         case LimitationKind.FEW_ANGLES:
             least, most = one.numbers
             levels = f"{least:g}" if least == most else f"{least:g} to {most:g}"
-            return f"few angles: {levels} different ones at {joints}, so their errors look alike"
+            each = "at each of " if len(one.joints) > 1 else "at "
+            return f"few angles: {levels} different ones {each}{joints}, so different causes look alike"
         case LimitationKind.ORDER:
-            return f"order: follows {joints} (correlation {one.numbers[0]:.2f}), as drift would"
+            return (
+                f"order: measured in the order of {joints} (correlation {one.numbers[0]:.2f}), so drift looks the same"
+            )
         case LimitationKind.NO_REVERSAL:
-            return f"no reversal: {joints} came from one side, so friction cannot show"
+            return f"no reversal: {joints} always came from one side, so friction there cannot show"
         case LimitationKind.ONE_SIDED:
             return f"one-sided torque: gravity loads {joints} to one side, so backlash cannot show there"
         case LimitationKind.ONE_LOAD:

@@ -86,14 +86,20 @@ def test_every_refusal_of_a_law_has_its_sentence() -> None:
     [
         (
             Limitation(LimitationKind.FEW_ANGLES, (1, 2, 3), (2, 4)),
-            "few angles: 2 to 4 different ones at joints 1 to 3, ",
+            "few angles: 2 to 4 different ones at each of joints 1 to 3, ",
         ),
         (
             Limitation(LimitationKind.FEW_ANGLES, (2,), (3, 3)),
-            "few angles: 3 different ones at joint 2, so their errors",
+            "few angles: 3 different ones at joint 2, so different causes",
         ),
-        (Limitation(LimitationKind.ORDER, (1,), (0.94,)), "order: follows joint 1 (correlation 0.94), as drift would"),
-        (Limitation(LimitationKind.NO_REVERSAL, (1, 4)), "no reversal: joints 1 and 4 came from one side, so friction"),
+        (
+            Limitation(LimitationKind.ORDER, (1,), (0.94,)),
+            "order: measured in the order of joint 1 (correlation 0.94), so drift looks the same",
+        ),
+        (
+            Limitation(LimitationKind.NO_REVERSAL, (1, 4)),
+            "no reversal: joints 1 and 4 always came from one side, so friction",
+        ),
         (
             Limitation(LimitationKind.ONE_SIDED, (2, 3)),
             "one-sided torque: gravity loads joints 2 and 3 to one side, so",
