@@ -29,8 +29,8 @@ NOISE, NOISE_AT_MOST = "measurement noise", "measurement noise, at most"
 BAR_WIDTH = 8
 TORN, ROOM = 2.2, 1.4
 """How much longer than all others a bar of a waterfall is cut short, and its length beside these then."""
-BY_THE_TRACKER = "as this tracker sees the arm, its own error included (it is left out of the arm)"
-ON_THE_ARM = "expected on the arm later (without effects of this session; with outliers that lie together, if any)"
+BY_THE_TRACKER = "as this tracker measures it: its own error is in this figure, and not in the deployed model"
+ON_THE_ARM = "expected on the arm after this session"
 ANEW = "with the effects, too, chosen without these poses"
 
 

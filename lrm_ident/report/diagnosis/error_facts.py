@@ -14,6 +14,8 @@ from lrm_ident.report.text.residuals import BLACK_BOX
 from lrm_ident.residual.rounded_commands import rounded_commands
 from lrm_math.effects.targets import FRAME_PLACE
 
+THE_REST = "the rest is measurement noise"
+
 
 def held_out_error(assessment: Assessment) -> str:
     """The error at unseen poses, beside the noise; with the cause, where one is to be added."""
@@ -70,15 +72,17 @@ def deployed_error(report: DiagnosisReport) -> str:
 
 
 def _without_noise(report: DiagnosisReport) -> str:
-    """How much of the error as deployed is the arm's own, where the noise is known."""
+    """How much of the error as deployed is the tip's own, where the noise is known and the tracker has no other error."""
+    if _where_expected(report) == BY_THE_TRACKER:
+        return ""
     diagnosis, error = report.diagnosis, report.deployed.now.rms
     bounds = diagnosis.floor.error_without(error, report.deployed.fewer or len(diagnosis.data))
     if bounds is None or diagnosis.floor.rms is None or diagnosis.data.several_kinds:
         return ""
     if bounds[0]:
         own = float(np.sqrt(error**2 - diagnosis.floor.rms**2))
-        return f"; arm and fit without the noise ≈ {in_mm(own)} mm"
-    return f"; arm and fit without the noise ≤ {in_mm(bounds[1])} mm (95 %)" if bounds[1] else ""
+        return f"; the tip itself ≈ {in_mm(own)} mm, {THE_REST}"
+    return f"; the tip itself ≤ {in_mm(bounds[1])} mm (95 %), {THE_REST}" if bounds[1] else ""
 
 
 def _where_expected(report: DiagnosisReport) -> str:

@@ -28,7 +28,7 @@ WHY_NO_CAUSE = {
 """The same where an effect predicts better."""
 LEFT = {
     Verdict.NOTHING_MISSING: "no further systematic error is seen.",
-    Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so one may be hidden in it.",
+    Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so another effect may be hidden in it.",
 }
 """What is left where no missing effect was found."""
 CHANGES = "but the arm goes on changing: earlier poses predict the later ones worse."

@@ -53,7 +53,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     known = {} if found.diagnosis is None else found.diagnosis.values
     following = () if found.conclusion is None else found.conclusion.next
-    commands = [one for one in following if one.command and UNKNOWN_FILES.model not in one.command.split()]
+    commands = [one for one in following if UNKNOWN_FILES.model not in one.command.split()]
     story, turns, lever = found.story, found.field.steps[-1].turns, found.field.lever
     shared = [one for one in found.covariates if one.kind not in LOCAL]
     left = [explained_by_means(turns, lever, one.values) for one in shared]

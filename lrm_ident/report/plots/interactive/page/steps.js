@@ -36,7 +36,7 @@ function lrmSteps(page) {
 
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`<span class="lrm-next-step">${k ? `${lead}: ` : ""}${code(command)}${said}${then ? lrmHtml` Then:${code(then)}` : ""}</span>`);
+    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`<span class="lrm-next-step">${k ? `${lead}: ` : ""}${command ? code(command) : ""}${said}${then ? lrmHtml` Then:${code(then)}` : ""}</span>`);
     return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
   }
 
