@@ -84,7 +84,7 @@ PLACES = """(() => {
 STEPS = [
     ["lrm-ident add /home/rover/arms/model.toml /home/rover/arms/data.csv mass@link5", "Adds it.", "", ""],
     ["lrm-ident design --separate eccentricity@joint4,base_curve@base,cable_spring@joint4", "Writes poses.", "", "or"],
-    ["lrm deploy /home/rover/arms/model.toml", "Gives the model to lrmd.", "", "or, without new poses"],
+    ["lrm deploy /home/rover/arms/model.toml", "Gives the model to the daemon.", "", "or, without new poses"],
 ]
 """What to do next, as `figure_values` gives it: command, words, what to run then, how it stands to the one before."""
 BREAKS = """[...document.querySelectorAll("#lrm-next code span")].flatMap((word) => {
