@@ -17,7 +17,7 @@ function lrmSteps(page) {
     const added = first && v.story?.held_out ? ` → with ${first.title}: ${first.held}` : "";
     const whole = v.story ? v.story.sentence.replace(" mm RMS", added + "\u00a0mm RMS") : `RMS ${v.steps[last].rms} mm`;
     const shown = state.step === last ? "" : ` Shown: step ${state.step}, ${v.steps[state.step].title}.`;
-    fill("fall", lrmHtml`<span class="lrm-fall-figure">${whole}</span><span class="lrm-soft">${shown}</span>`);
+    lrmGlossary(fill("fall", lrmHtml`<span class="lrm-fall-figure">${whole}</span><span class="lrm-soft">${shown}</span>`));
   }
 
   // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
