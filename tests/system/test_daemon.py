@@ -317,7 +317,7 @@ def test_a_power_loss_of_board_or_chip_leaves_a_limp_arm_until_it_is_armed(
         time.sleep(0.2)
         assert (harness.mode(), harness.pulses()) == ("disarmed", [])
         harness.arm()
-        assert len(harness.pulses()) == 6
+        wait_for(lambda: len(harness.pulses()) == 6, "the board has switched all of them on")
 
 
 SUBSCRIBER = """
