@@ -14,7 +14,7 @@ from lrm_ident.report.text.residuals import BLACK_BOX
 from lrm_ident.residual.rounded_commands import rounded_commands
 from lrm_math.effects.targets import FRAME_PLACE
 
-THE_REST = "the rest is measurement noise"
+THE_REST = "the rest is measurement noise (squares add up)"
 
 
 def held_out_error(assessment: Assessment) -> str:

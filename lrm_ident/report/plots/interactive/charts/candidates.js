@@ -73,9 +73,11 @@ function lrmCandidates(page) {
   function drawRanking(choose) {
     const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
     const drawn = (one) => one.gain !== null && !["no_evidence", "refused"].includes(one.standing); // no bar of what chance does as well
+    const none = v.ranking.length && !v.ranking.some(drawn);
+    place("title-effect").textContent = none ? "Effects that were tried" : "Which effect could be missing";
     place("effect-note").textContent = !v.verdict ? "the candidates appear when every effect has been tried"
-      : v.ranking.length && !v.ranking.some(drawn) ? "Every known effect was tried. None of them lowers the error more than chance does." : "";
-    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, not refitted"), ...some((one) => one.held === "–", "– not refitted"),
+      : none ? "Every known effect was tried; the likeliest are listed. None of them lowers the error more than chance does." : "";
+    const marks = [...new Set(v.ranking.map((one) => one.mark)), ...some((one) => one.held.startsWith("≈"), "≈ estimated, without a fit of its own"), ...some((one) => one.held === "–", "– not refitted"),
       ...some(drawn, `bar: share of the error${v.floor === null ? "" : " above the noise"} that it takes away`)];
     lrmGlossary(fill("ranking-head", v.ranking.length ? lrmHtml`<div class="lrm-ranking-row"><span>effect</span><span>held-out RMS left, mm</span></div>
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
