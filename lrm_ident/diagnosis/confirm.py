@@ -203,21 +203,26 @@ def confirm(
             led, best, others = selection, trial, dict[str, Refit]()
             if not doubt:
                 led, best, others = _led_by_underrated(selection, trial, trial_of, squares, {*reasons, *doubted})
+            objecting = {name: one for name, one in {scored.name: trial, **known}.items() if one.objection}
+            worse |= {name: one.worse_deployed for name, one in objecting.items() if one.worse_deployed}
             if best.refit and _share_saved(best.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
                 led, best, special = _led_by_special_case(led, best, blocks, tested)
+                refits = others | special
+                alike = selection.repetitions(scored) if trial.objection else ()
+                why = dict.fromkeys(alike, trial.objection) | {name: one.objection for name, one in objecting.items()}
+                kept = {led.supported[0].name, *refits}
+                reasons |= {name: reason for name, reason in why.items() if reason and name not in kept}
                 return ConfirmedDiagnosis(
                     led,
                     blocks,
                     best.refit,
-                    led.supported,
-                    reasons if trial.objection is None else reasons | {scored.name: trial.objection},
+                    tuple(one for one in led.supported if one.name not in reasons),
+                    reasons,
                     worse_deployed=worse,
                     beside=best.beside,
-                    refits=others | special,
+                    refits=refits,
                 )
             refuted |= trial.fitted
-            if trial.worse_deployed:
-                worse[scored.name] = trial.worse_deployed
             reason = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
             reasons |= dict.fromkeys([scored.name, *selection.repetitions(scored)], reason)
             if trial.refit:
@@ -246,14 +251,16 @@ def _led_by_underrated(
     when refitted, or alone is confirmed.
 
     Refits that prediction cannot separate are one class, by the rule of the screening's classes. From a worse first
-    effect and its class the better one is told apart, unless it moves the TCP as they do.
+    effect and its class the better one is told apart, unless it moves the TCP as they do. Effects whose own trial has
+    an objection are in no class.
 
     `before`: (N,), held-out squares without either.
     """
     first = diagnosis.supported[0]
     members, tried = diagnosis.equivalent[first.name], {first.name: trial}
     bounded, fitted = BoundedFit.of(diagnosis.screening), trial.refit.fit if trial.refit else None
-    promising = [one for one in bounded.underrated(first, members, fitted) if one.name not in refused]
+    left_out = {*refused, *diagnosis.unexplained.spurious}
+    promising = [one for one in bounded.underrated(first, members, fitted) if one.name not in left_out]
     underrated = promising[:MOST_UNDERRATED]
     tried |= {one.name: trial_of(diagnosis, one) for one in underrated}
     refits = {name: one.refit for name, one in tried.items() if one.refit}
@@ -261,13 +268,14 @@ def _led_by_underrated(
         return diagnosis, trial, {}
     best = min(refits, key=lambda name: float(refits[name].squares.mean()))
     alike = {name for name, refit in refits.items() if name != best and _as_good(refit, refits[best], before)}
+    possible = [name for name in members if name not in tried or name in refits]
     if best == first.name:
-        found = diagnosis.led_by(first, (*members, *sorted(alike)))
+        found = diagnosis.led_by(first, (*possible, *sorted(alike)))
     else:
         leader = next(one for one in underrated if one.name == best)
-        whole = {first.name, *members}
+        whole = {*possible, *({first.name} & refits.keys())}
         near = [one.name for one in diagnosis.scored if one.name in whole and moves_alike(leader, one)]
-        others = members if first.name in alike else near
+        others = possible if first.name in alike else near
         found = diagnosis.led_by(leader, tuple(dict.fromkeys([*sorted(alike), *others])))
     return found, tried[best], {name: refit for name, refit in refits.items() if name != best}
 

@@ -101,7 +101,8 @@ class BoundedFit:
         ]
         own_limits = np.array(from_start).reshape(-1, 2).T
         lower, upper = np.append(self.lower, own_limits[0]), np.append(self.upper, own_limits[1])
-        found = lsq_linear(root[:-1, :-1], root[:-1, -1], (lower, upper), method="bvls").x
+        most = 100 * len(lower)  # of iterations: each goes down, and few are needed
+        found = lsq_linear(root[:-1, :-1], root[:-1, -1], (lower, upper), method="bvls", max_iter=most).x
         left = (right - columns @ found)[: linear.measured].reshape(-1, linear.rows)
         held = (found <= lower + AT_BOUND) | (found >= upper - AT_BOUND)
         as_screened = np.array_equal(held, np.append(self.held, np.zeros(size, dtype=np.bool_)))

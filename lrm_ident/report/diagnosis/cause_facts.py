@@ -89,11 +89,12 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     ]
     if not others:
         return "no other known cause explains any of it"
-    least = min(one.held_out_rms for one in others)
+    best = min(others, key=lambda one: one.held_out_rms)
+    least, mark = best.held_out_rms, "" if best.exact else "≈ "
     curves = (one for one in report.ranking if one is not first and one.effect.is_free_form)
     if any(one.held_out_rms < least for one in curves):
-        return f"other causes leave ≈ {in_mm(least)} mm or more, splines less"
-    return f"every other known cause leaves ≈ {in_mm(least)} mm or more"
+        return f"other causes leave {mark}{in_mm(least)} mm or more, splines less"
+    return f"every other known cause leaves {mark}{in_mm(least)} mm or more"
 
 
 def stands_for(report: DiagnosisReport, term: RankedCandidate) -> str:

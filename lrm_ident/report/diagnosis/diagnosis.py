@@ -40,7 +40,8 @@ from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_math.arm.place_names import place_words
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, compensable, variants
+from lrm_math.effects import Effect, variants
+from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
 STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of several"}
@@ -214,7 +215,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "p_value": min(1.0, report.diagnosis.adjusted_p_values[advice.scored.name]),
         "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
         "indistinguishable_from": advice.equivalent,
-        "online": compensable(effect),
+        "online": on_rover(effect) in CORRECTED,
         "is_form": effect.is_free_form,
         "reason": advice.reason.kind,
         "why": reason_words(advice.reason, plain_name),

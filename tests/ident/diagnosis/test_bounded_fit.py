@@ -119,11 +119,13 @@ def led(
     rival: float | None,
     refused: tuple[str, ...] = (),
     alike: tuple[str, ...] = ("near",),
+    spurious: tuple[str, ...] = (),
 ) -> tuple[Any, dict[str, Any]]:
     """The diagnosis after the trial of a first effect and of one that is underrated, and the refits of others.
 
     Each leaves a mean square; None: there is an objection. The first has a class of two. `refused`: effects that are no
-    candidates any more. `alike`: those that move the TCP as the rival does.
+    candidates any more. `alike`: those that move the TCP as the rival does. `spurious`: those that free functions make
+    needless.
     """
     ripple = 0.05 * np.sin(np.arange(60))
 
@@ -138,6 +140,7 @@ def led(
     diagnosis: Any = SimpleNamespace(
         supported=(one,),
         screening=None,
+        unexplained=SimpleNamespace(spurious=dict.fromkeys(spurious)),
         scored=(one, near, SimpleNamespace(name="far"), other),
         equivalent={"first": ("far", "near")},
         led_by=lambda leader, members: (leader.name, members),
@@ -160,18 +163,24 @@ def led(
 def test_of_refits_the_least_error_leads(
     first: float | None, rival: float, leader: str, members: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And a first effect that moves the TCP as it does stays in its class, however much worse its refit is."""
+    """And a first effect that moves the TCP as it does stays in its class, however much worse its refit is; not one
+    to whose trial there is an objection."""
     found, refits = led(monkeypatch, first, rival)
     assert found == (leader, members)
     assert set(refits) == ({"first", "rival"} if first else {"rival"}) - {leader}
     (leads, members_then), _ = led(monkeypatch, first, rival, alike=("first", "near"))
     assert leads == leader
-    assert ("first" in members_then) is (leader == "rival")
+    assert ("first" in members_then) is (leader == "rival" and first is not None)
 
 
 def test_what_was_refused_is_not_refitted_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """`auto` refuses an effect with which the model cannot be diagnosed: it would be added for ever."""
     assert led(monkeypatch, 0.5, 0.3, ("rival",)) == (("first", ("far", "near")), {})
+
+
+def test_what_free_functions_make_needless_is_not_refitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would lead, but is not supported: the step had the name of the next effect and the refit of this one."""
+    assert led(monkeypatch, 0.5, 0.3, spurious=("rival",)) == (("first", ("far", "near")), {})
 
 
 def test_where_all_are_refused_the_trial_of_the_first_one_stays(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,7 +65,7 @@ function lrmCandidates(page) {
   function details(one) {
     const { cause, formula, needs, source } = one.about, about = [cause, formula, needs && `Shown by ${needs}.`, source].filter(Boolean);
     return lrmHtml`<p>${one.why}</p>
-      <p class="lrm-soft">${one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently."}</p>
+      <p class="lrm-soft">${one.online ? "The rover corrects it." : "The rover does not correct it."}</p>
       <details class="lrm-soft lrm-explain"><summary>Explain</summary>${about.map((text) => lrmHtml`<p>${text}</p>`)}</details>
       <details class="lrm-soft"><summary>${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}</summary><p>${one.estimates.join(", ")}</p></details>`;
   }
