@@ -14,7 +14,7 @@ from lrm_ident.report.text.residuals import BLACK_BOX
 from lrm_ident.residual.rounded_commands import rounded_commands
 from lrm_math.effects.targets import FRAME_PLACE
 
-THE_REST = "the rest is measurement noise (squares add up)"
+THE_REST = "the rest is noise"
 
 
 def held_out_error(assessment: Assessment) -> str:
@@ -72,7 +72,7 @@ def deployed_error(report: DiagnosisReport) -> str:
 
 
 def _without_noise(report: DiagnosisReport) -> str:
-    """How much of an error as deployed is the tip's own, where the noise is known and the tracker has no other error."""
+    """How much of an error as deployed is the tip's own, where the noise is known and the tracker errs by no more."""
     if _where_expected(report) == BY_THE_TRACKER:
         return ""
     diagnosis, error = report.diagnosis, report.deployed.now.rms

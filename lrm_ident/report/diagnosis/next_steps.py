@@ -17,12 +17,9 @@ from lrm_math.effects import constant
 NAMED = 2
 MORE_POSES = 40
 """Poses to measure where those there lack something."""
-DEPLOY = (
-    "Gives the model to the daemon that drives the arm; nothing moves. The next command drives to 50 goals: name your "
-    "tracker in it."
-)
+DEPLOY = "The arm's daemon takes the model; nothing moves. The next command drives to 50 goals: name your tracker."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
-AS_IT_IS = "Gives the model to the daemon that drives the arm; nothing moves."
+AS_IT_IS = "The arm's daemon takes the model; nothing moves."
 STOPGAP = "or, without new poses"
 """Lead of the command for whoever does not measure the poses that the first one writes."""
 FOR_THE_CAUSE, FOR_OTHERS = "to learn the cause", "for programs that read a URDF"
