@@ -72,7 +72,7 @@ def deployed_error(report: DiagnosisReport) -> str:
 
 
 def _without_noise(report: DiagnosisReport) -> str:
-    """How much of the error as deployed is the tip's own, where noise is known and the tracker has no other error."""
+    """How much of the error as deployed is the tip's own, where the noise is known and the tracker has no other error."""
     if _where_expected(report) == BY_THE_TRACKER:
         return ""
     diagnosis, error = report.diagnosis, report.deployed.now.rms
