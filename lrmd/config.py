@@ -29,15 +29,20 @@ LONGER_TICK = 0.05
 """Share by which a tick may be longer than `tick_ms` so that a frame of the board is whole ticks long."""
 
 HOST_PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws")
-"""zenoh's protocols whose addresses are a host and a port."""
+"""zenoh's protocols whose addresses are a host and a port; it takes no capitals."""
+HOST_AND_PORT = re.compile(r"(?:\[[^\]\[\s]+\]|[^\]\[:/\s]+):([0-9]{1,5})")
+"""A name, an IPv4 address or an IPv6 address in brackets, and the port."""
 
 
 def _with_port(endpoint: str) -> str:
     """An endpoint of zenoh; zenoh itself waits for an address without a port until its time is over."""
-    protocol, _, address = endpoint.partition("/")
-    port = re.split("[?#]", address)[0].rpartition(":")[2]
-    if protocol in HOST_PROTOCOLS and not (re.fullmatch("[0-9]{1,5}", port) and 0 < int(port) <= 65_535):
-        raise ValueError(f"{protocol}/HOST:PORT, for instance {protocol}/127.0.0.1:7447")
+    given, _, address = endpoint.partition("/")
+    protocol = given.lower()
+    if protocol not in HOST_PROTOCOLS:
+        return endpoint
+    found = HOST_AND_PORT.fullmatch(re.split("[?#]", address)[0])
+    if given != protocol or found is None or not 0 < int(found[1]) <= 65_535:
+        raise ValueError(f"{protocol}/HOST:PORT, for instance {protocol}/127.0.0.1:7447 or {protocol}/[::1]:7447")
     return endpoint
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lrm_math.errors import LrmError
+from lrm_math.stdout import os_error_words
 
 if TYPE_CHECKING:
     from lrmd.config import Config
@@ -44,6 +45,18 @@ def run(config: Config, speed: float = 1.0) -> int:
         return ApiProcess(config, children).run()
 
 
+def _check(file: Path, config: Config) -> int:
+    """Loads what the start loads, and prints that it is in order. Raises `LrmError`."""
+    from lrmd.api.start_check import check_start
+
+    summary = check_start(config)
+    try:
+        print(f"{file}: in order; {summary}", flush=True)
+    except OSError as error:  # such as a full disk behind `>`
+        raise LrmError(os_error_words(error)) from None
+    return 0
+
+
 def main(argv: list[str] | None = None) -> int:
     """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration
     or a state directory that another daemon uses."""
@@ -69,10 +82,7 @@ def main(argv: list[str] | None = None) -> int:
             home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
             config = replace(config, state=Path(home) / "lrmd")
         if options.check:
-            from lrmd.api.start_check import check_start
-
-            print(f"{file}: in order; {check_start(config)}")
-            return 0
+            return _check(file, config)
         if options.undo:
             from lrmd.persistence.deployed_models import DeployedVersions, ModelKind
             from lrmd.persistence.sole_user import sole_user

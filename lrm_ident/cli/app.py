@@ -19,6 +19,7 @@ from typer.models import CommandInfo
 from lrm_ident.cli.encodings import print_plainly
 from lrm_ident.data.last_error import note_error
 from lrm_math.errors import LrmError
+from lrm_math.stdout import os_error_words
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Parameters of glibc's `mallopt`, of its header malloc.h."""
@@ -186,12 +187,8 @@ def run(application: typer.Typer) -> None:
         note_error(error)
         _fail(str(error))
     except OSError as error:
-        from lrm_ident.cli.consoles import discard_output
-
         note_error(error)
-        discard_output()
-        what = "what it reads or prints" if error.filename is None else error.filename
-        _fail(f"{what}: {error.strerror or error}")
+        _fail(os_error_words(error))
     except Exception as error:
         note_error(error)
         if not is_numerical(error):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import sys
-from contextlib import suppress
 from shutil import get_terminal_size
 
 from rich.console import Console
+
+from lrm_math.stdout import flush_or_discard
 
 COLUMNS = get_terminal_size((0, 0)).columns
 """Columns of the terminal, or as the environment's COLUMNS says; 0 where nothing says it, as in a pipe."""
@@ -19,13 +19,7 @@ class ResultConsole(Console):
     def on_broken_pipe(self) -> None:
         """Sends what is still printed nowhere."""
         self.quiet = True
-        discard_output()
-
-
-def discard_output() -> None:
-    """Sends what is still in the buffer of stdout nowhere: it would fail again at the end of the process."""
-    with suppress(OSError):  # no stream of the system
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        flush_or_discard()
 
 
 out = ResultConsole(width=COLUMNS or 100, soft_wrap=not COLUMNS)

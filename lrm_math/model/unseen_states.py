@@ -2,7 +2,8 @@
 
 A law of the time since power-on, or of what the arm did before, is known from the states that its session had. In the
 other half of a joint's range a creep has the load on the other side, and a warm-up goes on after the last pose. What
-the law says beyond those states may be all wrong, so it counts as one standard deviation.
+the law says beyond those states may be all wrong, so it counts as one standard deviation: of each law by itself, as
+the errors of two laws are independent.
 """
 
 from __future__ import annotations
@@ -25,32 +26,33 @@ SEEN = 2.0
 """Standard deviations from its mean in the session within which a memory is taken as seen."""
 
 
-def beyond_session(model: Model, now: Poses) -> Array:
-    """(3,), m: how far followed laws move the tip, beyond where they would if all stood as in the session at most.
+def beyond_session(model: Model, now: Poses) -> list[Array]:
+    """(3,), m, of each followed law: from the tip with it at the nearest state that the session had, to the tip now.
 
-    Zero where the session showed such states. `now`: one pose, its history with the loads that it bore
-    (`with_borne_loads`). Raises `NoEquilibrium`.
+    The other laws stay at the state that is deployed where they are not followed. Zero where the session had the state
+    of now. `now`: one pose, its history with the loads that it bore (`with_borne_loads`). Raises `NoEquilibrium`.
     """
-    names = followed_effects(model, now)
-    if not names:
-        return np.zeros(3)
-    deployed = as_deployed_with(model, names)
-    seen = _with_seen_memory(model, deployed, _with_seen_times(model, names, now))
+    return [_beyond_session(model, name, now) for name in followed_effects(model, now)]
+
+
+def _beyond_session(model: Model, name: str, now: Poses) -> Array:
+    deployed = as_deployed_with(model, [name])
+    seen = _with_seen_memory(model, deployed, _with_seen_times(model, name, now))
     if seen is now:
         return np.zeros(3)
     there, within = (solve_equilibrium(deployed, poses).true_tcp[0] for poses in (now, seen))
     return np.asarray(there - within)
 
 
-def _with_seen_times(model: Model, names: list[str], now: Poses) -> Poses:
-    """The pose at the nearest time that was measured, where a law follows the time."""
-    if model.within is None or model.state is None or not {*names} & {*model.state.warming}:
+def _with_seen_times(model: Model, name: str, now: Poses) -> Poses:
+    """The pose at the nearest time that was measured, if the law follows the time."""
+    if model.within is None or model.state is None or name not in model.state.warming:
         return now
     seen: dict[str, Any] = {}
-    for name, ends in (("t", model.within.t), ("running", model.within.running)):
-        time = getattr(now, name)
+    for clock, ends in (("t", model.within.t), ("running", model.within.running)):
+        time = getattr(now, clock)
         if ends is not None and time is not None and (nearest := np.clip(time, *ends)) != time:
-            seen[name] = nearest
+            seen[clock] = nearest
     return replace(now, **seen) if seen else now
 
 

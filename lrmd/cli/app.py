@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, get_args
 
 from lrm_math.errors import LrmError
+from lrm_math.stdout import flush_or_discard, os_error_words
 from lrmd.cli import motion, skill, status
 from lrmd.cli.record import record
 from lrmd.client import MotionInterrupted
@@ -48,23 +48,16 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # the reader has gone, as `head` does
-        _discard_output()
+        flush_or_discard()
         return 1
     except OSError as error:  # such as a full disk behind `>`
-        _discard_output()
-        what = "what it reads or prints" if error.filename is None else error.filename
-        print(f"lrm: {what}: {error.strerror or error}", file=sys.stderr)
+        print(f"lrm: {os_error_words(error)}", file=sys.stderr)
         return 2
     except LrmError as error:
         print(f"lrm: {error}", file=sys.stderr)
         return 1 if isinstance(error, MotionInterrupted) else 2
     except KeyboardInterrupt:
         return 1
-
-
-def _discard_output() -> None:
-    """Sends what is still in the buffer of stdout nowhere: it would fail again at the end of the process."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class LrmArgumentParser(argparse.ArgumentParser):

@@ -11,7 +11,6 @@ from typing import TextIO
 
 from lrm_math.errors import LrmError
 from lrmd.cli.parsing import open_rover
-from lrmd.client import Rover
 from lrmd.messages.control import JointsState
 
 SILENT_S = 2.0
@@ -33,23 +32,23 @@ def record(o: argparse.Namespace) -> int:
         if not all(rover.joints().on[: info.joints]):
             raise LrmError("the joints have no pulses; first lrm arm")
         kind = f'schema = "lrm/command-log/1"\narm = "{info.arm}"\ncount_us = {info.count_us:.9g}\n'
+        states: queue.SimpleQueue[JointsState] = queue.SimpleQueue()
+        rover.watch(JointsState, "state/joints", states.put)
+        print("recording; Ctrl-C ends it", flush=True)
         try:
             with path.open("w", encoding="utf-8") as file:
                 beside.write_text(kind, encoding="utf-8")
-                rows, why = _followed(rover, file, info.joints, o.seconds)
-        except BrokenPipeError:
-            raise
+                rows, why = _followed(states, file, info.joints, o.seconds)
         except OSError as error:
-            raise LrmError(f"{path}: cannot be written ({error.strerror or error})") from None
+            raise LrmError(f"{error.filename or path}: cannot be written ({error.strerror or error})") from None
     print(f"{rows} rows written to {path}; {why}")
     return 0
 
 
-def _followed(rover: Rover, file: TextIO, joints: int, seconds: float | None) -> tuple[int, str]:
+def _followed(
+    states: queue.SimpleQueue[JointsState], file: TextIO, joints: int, seconds: float | None
+) -> tuple[int, str]:
     """Rows that were written, and why it ended."""
-    states: queue.SimpleQueue[JointsState] = queue.SimpleQueue()
-    rover.watch(JointsState, "state/joints", states.put)
-    print("recording; Ctrl-C ends it", flush=True)
     file.write(",".join(["t_s", *(f"q{k + 1}_deg" for k in range(joints))]) + "\n")
     rows, last, end = 0, 0, math.inf if seconds is None else time.monotonic() + seconds
     try:

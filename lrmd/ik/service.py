@@ -334,7 +334,7 @@ class IkService:
         if sd is None:
             return None
         try:
-            unsure = [*self._other_memories(known, now), beyond_session(self.model, self._bearing(now))]
+            unsure = [*self._other_memories(known, now), *beyond_session(self.model, self._bearing(now))]
         except NoEquilibrium:
             return None
         return math.hypot(sd, *(float(np.linalg.norm(apart)) for apart in unsure))

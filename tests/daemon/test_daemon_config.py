@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +19,7 @@ from lrmd.control.state_machine import TABLE, Mode, Trigger
 from lrmd.main import main
 from lrmd.safety.thermal_model import ThermalModel
 from tests.conftest import ROOT, TABLE_B2
+from tests.support.broken_output import full_disk_file
 from tests.support.daemon.in_memory_daemon import CONFIG
 
 SHIPPED = CONFIG.read_text(encoding="utf-8")
@@ -133,6 +136,10 @@ WRONG: list[tuple[str, str, str, list[str]]] = [
     ("an impossible path", '"/var/lib/lrmd"', '"/var/\\u0000"', ["state", "directory = '/var/", "should match"]),
     ("nowhere to listen", '["tcp/127.0.0.1:7447"]', "[]", ["zenoh", "listen = []", "should have at least 1 item"]),
     ("listening without a port", "127.0.0.1:7447", "127.0.0.1", ["zenoh: listen 1 = 'tcp/127.0.0.1'", "tcp/HOST:PORT"]),
+    ("a port as the host", "127.0.0.1:7447", "7447", ["zenoh: listen 1 = 'tcp/7447'", "tcp/HOST:PORT"]),
+    ("IPv6 without brackets", "127.0.0.1:7447", "::1", ["zenoh: listen 1 = 'tcp/::1'", "tcp/[::1]:7447"]),
+    ("no host", "127.0.0.1:7447", ":7447", ["zenoh: listen 1 = 'tcp/:7447'", "tcp/HOST:PORT"]),
+    ("capitals", "tcp/127.0.0.1:7447", "TCP/127.0.0.1:7447", ["zenoh: listen 1 = 'TCP/127", "tcp/HOST:PORT"]),
     ("a port that is none", "connect = []", 'connect = ["tls/base:70000"]', ["tls/base:70000", "HOST:PORT"]),
 ]  # fmt: skip
 
@@ -145,6 +152,33 @@ def test_an_error_is_reported_in_one_line(
     line = refusal(tmp_path, SHIPPED.replace(old, new, 1), capsys)
     for word in words:
         assert word in line, line
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "tcp/127.0.0.1:7447", "tcp/localhost:7447", "tcp/[::1]:7447", "udp/[fe80::1%eth0]:7447", "tls/base.local:7447",
+        "tcp/127.0.0.1:7447?prio=1#iface=lo", "unixsock-stream//run/lrmd.sock", "unixpipe//run/lrmd",
+        "serial//dev/ttyUSB0#baudrate=115200", "vsock/-1:1234",
+    ],
+)  # fmt: skip
+def test_an_endpoint_of_zenoh_is_taken(tmp_path: Path, endpoint: str) -> None:
+    """Those of zenoh's other protocols have no port."""
+    path = tmp_path / "lrmd.toml"
+    path.write_text(SHIPPED.replace("tcp/127.0.0.1:7447", endpoint, 1), encoding="utf-8")
+    assert load_config(path).zenoh.listen == [endpoint]
+
+
+def test_a_check_that_cannot_be_printed_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before: a traceback, of `lrmd --check > FILE` on a full disk."""
+    path = tmp_path / "lrmd.toml"
+    path.write_text(SHIPPED, encoding="utf-8")
+    with os.fdopen(full_disk_file(), "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert main(["--config", str(path), "--check"]) == 2
+    assert capsys.readouterr().err == "lrmd: No space left on device\n"
 
 
 MODELS: dict[str, tuple[str, str, str]] = {

@@ -97,7 +97,7 @@ def _stated_sd(when: str, study: Study, settled: Equilibrium) -> Record:
     if whole is None:
         return {}
     followed = [beyond_session(model, settled.poses.take(np.array([row]))) for row in range(len(settled.poses))]
-    square = np.einsum("nii->n", whole).mean() + np.square(followed).sum(axis=1).mean()
+    square = np.einsum("nii->n", whole).mean() + np.mean([np.square(laws).sum() for laws in followed])
     return {f"{when}_sd_mm": _short(1e3 * float(np.sqrt(square)))}
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 import os
 import subprocess
@@ -181,7 +183,39 @@ def test_output_to_a_full_disk_is_one_line(monkeypatch: pytest.MonkeyPatch, caps
     with os.fdopen(full_disk_file(), "w") as full:
         monkeypatch.setattr(sys, "stdout", full)
         assert app.main(["state"]) == 2
-    assert capsys.readouterr().err == "lrm: what it reads or prints: No space left on device\n"
+    assert capsys.readouterr().err == "lrm: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (FileNotFoundError(2, "No such file or directory", "x.toml"), "x.toml: No such file or directory"),
+        (TimeoutError(), "TimeoutError"),
+        (OSError("the line is gone"), "the line is gone"),
+    ],
+    ids=["of a file", "without words", "in words"],
+)
+def test_what_was_printed_before_an_error_of_the_system_stays(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str], error: OSError, words: str
+) -> None:
+    """Before: nothing of it was written, nor what the process printed later; and no words behind the colon."""
+
+    def printed_then_failed(_: object) -> None:
+        print("the result")
+        raise error
+
+    options = SimpleNamespace(options_of=lambda _: SimpleNamespace(run=printed_then_failed))
+    monkeypatch.setattr(app, "parser", lambda: options)
+    path = tmp_path / "result.txt"
+    with path.open("w", encoding="utf-8") as file:
+        monkeypatch.setattr(sys, "stdout", file)
+        assert app.main([]) == 2
+        print("what comes later")
+    assert capsys.readouterr().err == f"lrm: {words}\n"
+    assert path.read_text(encoding="utf-8").splitlines() == ["the result", "what comes later"]
+    with contextlib.redirect_stdout(io.StringIO()) as text:  # before: it has no descriptor, so another error
+        assert app.main([]) == 2
+    assert text.getvalue() == "the result\n"
 
 
 def test_a_move_of_an_arm_without_shapes_says_that_it_was_not_checked(
@@ -397,6 +431,20 @@ def test_a_disk_that_fills_while_commands_are_recorded_is_one_line(
     assert code == 2
     assert said.startswith(f"lrm: {tmp_path / 'disk' / 'log.csv'}: cannot be written (")
     assert len(said.splitlines()) == 1
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_record_that_cannot_say_that_it_runs_leaves_no_file(
+    does: Callable[..., str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Before: the file was named as not written, and the empty ones refused the next try."""
+    monkeypatch.setattr(record, "SILENT_S", 0.01)
+    does("arm", "--q", ZERO)
+    with os.fdopen(full_disk_file(), "w") as full, monkeypatch.context() as printing:
+        printing.setattr(sys, "stdout", full)
+        assert app.main(["record", "-o", str(tmp_path / "log.csv")]) == 2
+    assert capsys.readouterr().err == "lrm: No space left on device\n"
+    assert not [*tmp_path.iterdir()]
 
 
 # ---- what is refused
