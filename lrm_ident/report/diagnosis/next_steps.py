@@ -17,7 +17,7 @@ from lrm_math.effects import constant
 NAMED = 2
 MORE_POSES = 40
 """Poses to measure where those there lack something."""
-DEPLOY = "The arm's daemon takes it; nothing moves. verify drives, with your tracker."
+DEPLOY = "The daemon takes it; nothing moves. verify drives, and needs your tracker."
 VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
 AS_IT_IS = "The arm's daemon takes the model; nothing moves."
 STOPGAP = "or, without new poses"
