@@ -76,7 +76,7 @@ def test_a_lead_is_at_most_the_slower_of_two_rates_times_the_dead_time(
     assert (found * moved >= 0.0).all()
 
 
-@given(rate=st.floats(0.3, 3.0), dead_time=st.floats(0.0, 0.08), fps=st.floats(20.0, 300.0))
+@given(rate=st.floats(0.3, 1.3), dead_time=st.floats(0.0, 0.08), fps=st.floats(20.0, 300.0))
 def test_a_steady_motion_is_led_by_its_rate_times_the_dead_time(rate: float, dead_time: float, fps: float) -> None:
     wishes = rate / fps * np.arange(40)[:, None] * np.ones(5)
     np.testing.assert_allclose(leads(np.full(5, dead_time), wishes, 1.0 / fps)[-1], rate * dead_time, atol=1e-9)
@@ -150,3 +150,15 @@ def test_a_new_motion_begins_without_a_lead() -> None:
     sent(arm, wishes)
     arm.forget()
     np.testing.assert_allclose(sent(arm, wishes)[:2], wishes[:2], atol=1e-9)
+
+
+@given(pause=st.floats(0.11, 10.0), goal=st.floats(-2.0, 2.0))
+def test_goals_that_come_singly_are_not_led(pause: float, goal: float) -> None:
+    """Nor is the first one after a stream that paused: each would be overshot until the next one comes."""
+    lead, rate = Lead(np.full(1, 0.3)), 1.0
+    for k in range(8):
+        lead = lead.after(np.array([rate * k / 30.0]), k / 30.0)
+    assert lead.ahead() > 0.0
+    for k in range(4):
+        lead = lead.after(np.array([goal * (k + 1)]), 7.0 / 30.0 + pause * (k + 1))
+        assert lead.ahead() == 0.0

@@ -50,8 +50,8 @@ UNIT_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "grad",
     "rad": "rad", "radian": "rad", "radians": "rad",
     "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "milliseconds": "ms", "min": "min", "minutes": "min",
-    "g": "g", "gram": "g", "grams": "g", "kg": "kg",
-    "c": "c", "°c": "c", "v": "v",
+    "g": "g", "gr": "g", "gram": "g", "grams": "g", "gramm": "g", "kg": "kg",
+    "c": "c", "°c": "c", "degc": "c", "v": "v",
 }  # fmt: skip
 FACTORS: dict[str, dict[str | None, float]] = {
     "mm": {unit: metres / LENGTH_UNITS["mm"] for unit, metres in LENGTH_UNITS.items()},
@@ -106,7 +106,8 @@ def arm_columns(file: CsvTable, arm: Arm, how: Reading, known: Sequence[PoseQuan
 def _check_one_arm(table: CsvTable) -> None:
     """Raises `FileError` if a column says that rows are of different arms: one model cannot hold for them."""
     for j, name in enumerate(table.header):
-        arms = sorted({row[j] for row in table.rows}) if _squeezed(name.lower()) in NAMES_ARM else []
+        named = {row[j].casefold(): row[j] for row in table.rows if row[j]}
+        arms = sorted(named.values()) if _squeezed(name.lower()) in NAMES_ARM else []
         if len(arms) > 1:
             what = f"rows of {len(arms)} arms: {enumerate_words(arms, ARMS_LISTED)}"
             raise FileError(table.path, f"column {name}", what, "write the rows of each arm into a file of its own")
@@ -261,15 +262,16 @@ def _as_said(column: Column, how: Reading, first: int) -> Column:
 def _with_units(table: CsvTable) -> CsvTable:
     """The table with the units of a first row of units, which has no number, in the names of its columns.
 
-    A unit that is not known stays in the name, so that the column is not read without it. The same row further down is
-    left out, too, as in files that were put together. Raises `FileError`: a name states another unit.
+    A unit that is not known stays in a name that is not known either. The same row further down is
+    left out, too, as in files that were put together. Raises `FileError`: a name states another unit, or the unit of
+    a quantity is not known.
     """
     words = [cell.strip().strip("[]()") for cell in table.rows[0]] if table.rows else []
     words = ["" if word in NO_UNIT else word for word in words]
     known = [UNIT_WORDS.get(word.lower()) for word in words]
     if not any(known) or any(map(is_number, words)):
         return table
-    units = [unit or word for word, unit in zip(words, known, strict=True)]
+    units = [unit or _stated_unit(table, *each) for *each, unit in zip(table.header, words, known, strict=True)]
     columns = []
     for name, unit in zip(table.header, units, strict=True):
         own = next((own for _, own in _readings(name) if own), None)
@@ -279,6 +281,22 @@ def _with_units(table: CsvTable) -> CsvTable:
         stated = f"{name} [{unit}]" if unit and not own else name
         columns.append(Column(stated, stated))
     return replace(table.without(table.rows[0]), columns=tuple(columns))
+
+
+def _stated_unit(table: CsvTable, name: str, word: str) -> str:
+    """The word of a row of units that is none that is known; empty for a column without a unit, such as a number.
+
+    Raises `FileError`: the column is read, and has a unit.
+    """
+    column = column_name(name)
+    if not word or column is None:
+        return word
+    own = column.name.rpartition("_")[2]
+    if own in FACTORS:
+        known = ", ".join(text for text, unit in UNIT_WORDS.items() if unit == own or unit in FACTORS[own])
+        where = f"line {table.lines[0]}, column {name}"
+        raise FileError(table.path, where, f"the unit '{word}' is not known", f"one of {known}")
+    return ""
 
 
 def _is_measured(name: str) -> bool:

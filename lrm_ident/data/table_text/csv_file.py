@@ -87,7 +87,8 @@ class CsvTable:
         again = [str(line) for row, line in zip(self.rows, self.lines, strict=True) if first[row] != line]
         if not again:
             return self
-        notice = f"line {enumerate_words(again, LISTED)}: copies of an earlier line, number and all, left out"
+        same = f"line {enumerate_words(again, LISTED)}: the same in every cell as an earlier line, left out"
+        notice = f"{same}; what was measured again needs a number of its own, and repeat_of"
         rows, lines = tuple(row for row, _ in kept), tuple(line for _, line in kept)
         return replace(self, rows=rows, lines=lines, notices=(*self.notices, notice))
 
@@ -173,10 +174,15 @@ def _without_titles(kept: Sequence[tuple[int, str]]) -> tuple[list[tuple[int, st
     cells = [[cell.strip('" ') for cell in line.split(delimiter) if cell.strip('" ')] for _, line in kept]
     widest = max(map(len, cells), default=0)
     header = next((row for row, found in enumerate(cells) if 2 * len(found) >= widest), 0)
-    if not header or any(is_number(cell.replace(",", ".")) for cell in cells[header]):
+    data_above = any(len(found) > 1 and all(_is_decimal(cell) for cell in found) for found in cells[:header])
+    if not header or data_above or any(map(_is_decimal, cells[header])):
         return [*kept], ()
     above = "1 line" if header == 1 else f"{header} lines"
     return [*kept[header:]], (f"{above} above the header not used: {' '.join(cells[0])}",)
+
+
+def _is_decimal(cell: str) -> bool:
+    return is_number(cell.replace(",", "."))
 
 
 def _cut_to_header(
@@ -228,8 +234,18 @@ def _header_in_comment(path: Path, lines: list[str], first: int, row: str, delim
 
 
 def _with_points(table: CsvTable) -> CsvTable:
-    """The table with decimal points for decimal commas. Raises `FileError` if its commas may divide thousands."""
-    placed = [(line, cell) for row, line in zip(table.rows, table.lines, strict=True) for cell in row]
+    """The table with decimal points for decimal commas. Raises `FileError` if its commas may divide thousands.
+
+    Columns with fewer numbers than other cells, empty ones among them, stay as they are: a note may say "3,4".
+    """
+    count = [sum(NUMBER.fullmatch(cell) is not None for cell in column) for column in zip(*table.rows, strict=True)]
+    numeric_columns = {j for j, found in enumerate(count) if 2 * found > len(table.rows)}
+    placed = [
+        (n, cell)
+        for row, n in zip(table.rows, table.lines, strict=True)
+        for j, cell in enumerate(row)
+        if j in numeric_columns
+    ]
     numbers = [(line, cell) for line, cell in placed if NUMBER.fullmatch(cell)]
     cells = [(line, cell) for line, cell in numbers if "," in cell]
     both = next(((line, cell) for line, cell in cells if "." in cell), None)
@@ -250,7 +266,11 @@ def _with_points(table: CsvTable) -> CsvTable:
         what = f"'{cell}': a decimal comma or thousands? {why}"
         raise FileError(table.path, f"line {line}", what, "write it with a decimal point")
     rows = (
-        tuple(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row) for row in table.rows
+        tuple(
+            cell.replace(",", ".") if j in numeric_columns and DECIMAL_COMMA.fullmatch(cell) else cell
+            for j, cell in enumerate(row)
+        )
+        for row in table.rows
     )
     return replace(table, rows=tuple(rows))
 

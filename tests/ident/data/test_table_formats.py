@@ -109,7 +109,7 @@ def test_a_line_that_stands_twice_is_read_once(tmp_path: Path, lab: Arm) -> None
     path.write_text(text(NAMES, rows=[*ROWS, *ROWS]))
     data = load_measurements(path, lab)
     np.testing.assert_array_equal(data.pose, [1, 2])
-    assert "line 4, 5: copies of an earlier line, number and all, left out" in data.source.notices
+    assert any("line 4, 5: the same in every cell as an earlier line, left out" in one for one in data.source.notices)
 
 
 AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -130,7 +130,15 @@ AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
     "an unknown unit": (text([*NAMES[:7], "x_furlong", "y_mm", "z_mm"]), ("header", "missing column x_mm")),
     "an unknown unit in a row of units": (
         joined(",", SHORT, [*UNITS[:8], "furlong"], ROWS[0][1:]).decode(),
-        ("header", "missing column z_mm", "Z [furlong]"),
+        ("line 2, column Z", "the unit 'furlong' is not known; one of mm"),
+    ),
+    "an unknown unit of a load": (
+        joined(",", [*SHORT, "load"], [*UNITS, "stone"], [*ROWS[0][1:], 100.0]).decode(),
+        ("line 2, column load", "the unit 'stone' is not known; one of g"),
+    ),
+    "two blocks of other columns": (
+        text(NAMES) + text([*NAMES, *(f"note {k}" for k in range(12))], rows=[(*row, *range(12)) for row in ROWS]),
+        ("header has 10",),
     ),
     "rows of two arms": (
         joined(",", ["Robot", *NAMES[1:]], ["left", *ROWS[0][1:]], ["right", *ROWS[1][1:]]).decode(),
@@ -620,3 +628,25 @@ def test_too_few_poses_are_told_one_number(tmp_path: Path) -> None:
         said.add(stderr_of("fit", path, "--arm", "lrm-lab").partition("measure at least ")[2])
     assert len(said) == 1
     assert load_arm("lrm-lab").name == "lrm-lab"
+
+
+@pytest.mark.parametrize(("name", "unit"), [("session", "Nr."), ("repeat_of", "pose")])
+def test_the_unit_of_a_plain_number_is_not_read(tmp_path: Path, lab: Arm, name: str, unit: str) -> None:
+    """The column was left unread: two sessions became one."""
+    path = tmp_path / "data.csv"
+    rows = [[k + 1, *row[1:], 1.0] for k, row in enumerate([*ROWS, *ROWS[:1]])]
+    path.write_bytes(joined(",", ["pose", *SHORT, name], ["number", *UNITS, unit], *rows))
+    assert not any("not used" in one for one in load_measurements(path, lab).source.notices)
+
+
+def test_a_note_with_a_comma_is_no_decimal_number(tmp_path: Path, lab: Arm) -> None:
+    path = tmp_path / "data.csv"
+    head, first, *rest = text(NAMES).splitlines()
+    path.write_text("\n".join([f"{head},note", f'{first},"3,4"', *(f"{line}," for line in rest), ""]))
+    np.testing.assert_array_equal(load_measurements(path, lab).pose, [row[0] for row in ROWS])
+
+
+def test_an_arm_that_some_rows_do_not_name_is_one(tmp_path: Path, lab: Arm) -> None:
+    path = tmp_path / "data.csv"
+    path.write_bytes(joined(",", [*NAMES, "arm"], [*ROWS[0], "A"], [*ROWS[1], "a"]))
+    assert len(load_measurements(path, lab).pose) == 2

@@ -19,7 +19,9 @@ SPAN_S = 0.025
 """Over which a rate is measured at least: one frame at 30 a second, two at 60."""
 TREMOR = 1.5 * 2.0 * math.pi / 4096.0
 """rad: a leader's encoder that flickers by one step is not led."""
-FARTHEST_LEAD = math.radians(15.0)
+LONGEST_GAP_S = 4.0 * SPAN_S
+"""Between two wishes of a stream; what comes later begins anew, so that single goals are not led."""
+FARTHEST_LEAD = math.radians(6.0)
 MOST_WISHES = 64
 """That are remembered: two spans at up to 1200 a second."""
 
@@ -37,7 +39,8 @@ class Lead:
 
     def after(self, wish: Array, now: float) -> Lead:
         """The lead once another wish (n,), rad, has come, at a time (s)."""
-        earlier = tuple(one for one in self.recent if one[0] < now)
+        goes_on = self.recent and now - self.recent[-1][0] <= LONGEST_GAP_S
+        earlier = tuple(one for one in self.recent if one[0] < now) if goes_on else ()
         return replace(self, recent=(*earlier, (now, wish))[-MOST_WISHES:])
 
     def ahead(self) -> Array:
