@@ -236,7 +236,7 @@ def _header_in_comment(path: Path, lines: list[str], first: int, row: str, delim
 def _with_points(table: CsvTable) -> CsvTable:
     """The table with decimal points for decimal commas. Raises `FileError` if its commas may divide thousands.
 
-    Columns with fewer numbers than other cells, empty ones among them, stay as they are: a note may say "3,4".
+    Columns that are mostly empty or words do not tell what commas mean: a note may say "3,4".
     """
     count = [sum(NUMBER.fullmatch(cell) is not None for cell in column) for column in zip(*table.rows, strict=True)]
     numeric_columns = {j for j, found in enumerate(count) if 2 * found > len(table.rows)}
@@ -266,11 +266,7 @@ def _with_points(table: CsvTable) -> CsvTable:
         what = f"'{cell}': a decimal comma or thousands? {why}"
         raise FileError(table.path, f"line {line}", what, "write it with a decimal point")
     rows = (
-        tuple(
-            cell.replace(",", ".") if j in numeric_columns and DECIMAL_COMMA.fullmatch(cell) else cell
-            for j, cell in enumerate(row)
-        )
-        for row in table.rows
+        tuple(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row) for row in table.rows
     )
     return replace(table, rows=tuple(rows))
 

@@ -19,7 +19,7 @@ from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurement_file.times import seconds_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
-from lrm_ident.data.table_text.csv_file import read_text
+from lrm_ident.data.table_text.csv_file import read_table, read_text
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, read_arm
@@ -650,3 +650,9 @@ def test_an_arm_that_some_rows_do_not_name_is_one(tmp_path: Path, lab: Arm) -> N
     path = tmp_path / "data.csv"
     path.write_bytes(joined(",", [*NAMES, "arm"], [*ROWS[0], "A"], [*ROWS[1], "a"]))
     assert len(load_measurements(path, lab).pose) == 2
+
+
+def test_decimal_commas_of_a_column_that_is_mostly_empty_are_read_as_those_of_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("x_mm;load_g\n1,5;12,5\n2,5;\n3,5;\n")
+    assert read_table(path).rows == (("1.5", "12.5"), ("2.5", ""), ("3.5", ""))
