@@ -66,7 +66,7 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     assert found.headline == "Found: backlash in joint 2, now corrected; no further systematic error is seen."
     without_files = "Save the model and give it to the rover: lrm deploy MODEL."
     assert next_step(report) == without_files, "what the page says without files"
-    assert found.next[0].words.startswith("The daemon takes the model"), "what the command does stands at the command"
+    assert found.next[0].words.startswith("The daemon takes it; nothing moves"), "what the command does stands at the command"
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
@@ -249,5 +249,5 @@ def test_of_a_tracker_that_errs_the_deployed_error_is_said_to_have_its_own(
     example_study: Study, example_diagnosis: DiagnosisReport
 ) -> None:
     found = dict(conclude(example_study.add("measurement_frame@frame").diagnose()).facts)
-    assert "as this tracker sees the arm" in found["as deployed"]
+    assert "as this tracker measures it" in found["as deployed"]
     assert "as deployed" not in dict(conclude(example_diagnosis).facts)
