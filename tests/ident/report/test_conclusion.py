@@ -66,7 +66,9 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     assert found.headline == "Found: backlash in joint 2, now corrected; no further systematic error is seen."
     without_files = "Save the model and give it to the rover: lrm deploy MODEL."
     assert next_step(report) == without_files, "what the page says without files"
-    assert found.next[0].words.startswith("The daemon takes it; nothing moves"), "what the command does stands at the command"
+    assert found.next[0].words.startswith("The daemon takes it; nothing moves"), (
+        "what the command does stands at the command"
+    )
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert "then measure and fit again" in dict(found.facts)["repair"]
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
