@@ -203,15 +203,13 @@ def confirm(
             led, best, others = selection, trial, dict[str, Refit]()
             if not doubt:
                 led, best, others = _led_by_underrated(selection, trial, trial_of, squares, {*reasons, *doubted})
-            objecting = {name: one for name, one in {scored.name: trial, **known}.items() if one.objection}
-            worse |= {name: one.worse_deployed for name, one in objecting.items() if one.worse_deployed}
+            trials = {scored.name: trial, **known}
+            worse |= {name: one.worse_deployed for name, one in trials.items() if one.worse_deployed}
             if best.refit and _share_saved(best.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
                 led, best, special = _led_by_special_case(led, best, blocks, tested)
                 refits = others | special
-                alike = selection.repetitions(scored) if trial.objection else ()
-                why = dict.fromkeys(alike, trial.objection) | {name: one.objection for name, one in objecting.items()}
-                kept = {led.supported[0].name, *refits}
-                reasons |= {name: reason for name, reason in why.items() if reason and name not in kept}
+                kept, why = {led.supported[0].name, *refits}, _objections(selection, trials)
+                reasons |= {name: reason for name, reason in why.items() if name not in kept}
                 return ConfirmedDiagnosis(
                     led,
                     blocks,
@@ -234,6 +232,14 @@ def confirm(
 
     found = search({name: doubt for name, doubt in doubted.items() if name != tested})
     return found if found.refit or found.refused.keys().isdisjoint(doubted) else search({})
+
+
+def _objections(selection: Diagnosis, trials: Mapping[str, CandidateTrial]) -> dict[str, Reason]:
+    """Why trials refused effects; with the first one of the selection go those that repeat it."""
+    found = {name: one.objection for name, one in trials.items() if one.objection}
+    first = selection.supported[0]
+    why = found.get(first.name)
+    return dict.fromkeys(selection.repetitions(first), why) | found if why else found
 
 
 Leading = tuple[Diagnosis, CandidateTrial, dict[str, Refit]]

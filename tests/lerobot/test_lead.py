@@ -76,10 +76,13 @@ def test_a_lead_is_at_most_the_slower_of_two_rates_times_the_dead_time(
     assert (found * moved >= 0.0).all()
 
 
-@given(rate=st.floats(0.3, 1.3), dead_time=st.floats(0.0, 0.08), fps=st.floats(20.0, 300.0))
+@given(rate=st.floats(0.3, 3.0), dead_time=st.floats(0.0, 0.08), fps=st.floats(20.0, 300.0))
 def test_a_steady_motion_is_led_by_its_rate_times_the_dead_time(rate: float, dead_time: float, fps: float) -> None:
+    """As far as the bound."""
     wishes = rate / fps * np.arange(40)[:, None] * np.ones(5)
-    np.testing.assert_allclose(leads(np.full(5, dead_time), wishes, 1.0 / fps)[-1], rate * dead_time, atol=1e-9)
+    np.testing.assert_allclose(
+        leads(np.full(5, dead_time), wishes, 1.0 / fps)[-1], min(rate * dead_time, FARTHEST_LEAD), atol=1e-9
+    )
 
 
 @given(
@@ -162,3 +165,15 @@ def test_goals_that_come_singly_are_not_led(pause: float, goal: float) -> None:
     for k in range(4):
         lead = lead.after(np.array([goal * (k + 1)]), 7.0 / 30.0 + pause * (k + 1))
         assert lead.ahead() == 0.0
+
+
+def test_a_refused_action_does_not_count_for_the_lead() -> None:
+    """Nothing is sent of it, and the commands after it are those without it."""
+    wishes = np.linspace(0.0, 0.6, 20)[:, None] * np.ones(5)
+    arm, other = leading(LATE), leading(LATE)
+    sent(arm, wishes[:10])
+    sent(other, wishes[:10])
+    with pytest.raises(LrmError, match="finite number"):
+        sent(arm, np.full((1, 5), np.nan))
+    other.clock()  # the frame without a wish
+    np.testing.assert_array_equal(sent(arm, wishes[10:]), sent(other, wishes[10:]))
