@@ -13,7 +13,7 @@ import pytest
 from examples.demo import simulated_tracker
 from examples.demo.simulated_tracker import BoardState, frames, true_tip
 from lrm_math.arrays import Array
-from validation.as_deployed.board.passing_world import WARMS_S, PassingWorld
+from validation.as_deployed.passing_world import WARMS_S, PassingWorld
 from validation.synthetic import ArmDescription, GroundTruth
 
 SPEED, ANGLE_DEG, LOOKS = 6.0, 20.0, 60

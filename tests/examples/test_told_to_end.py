@@ -70,7 +70,7 @@ def test_a_simulated_rover_ends_with_its_program(tmp_path: Path) -> None:
 def test_a_command_that_a_signal_ended_ends_the_demo(
     code: int, ends: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where it raised an error as any other, the closed loop began it anew (`validation.as_deployed --part board`)."""
+    """Where it raises an error as any other, a program that runs many demos begins it anew."""
     monkeypatch.setattr(steps, "app", lambda *_, **__: Exit(code).exit_code)
     with pytest.raises(ends):
         DemoSteps(tmp_path, (), 0, "1").measure()

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.as_deployed.board.passing_world import PassingWorld
 from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
 from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.outcome import examined, ratio
+from validation.as_deployed.passing_world import PassingWorld
 from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.recording import FRESH, in_shown_frame
 from validation.as_deployed.results import line_of, report, results_file
@@ -42,7 +42,7 @@ def test_keys_name_their_cases_once() -> None:
     assert len({case.key for case in cases}) == len(cases)
     for case in cases:
         assert OngoingCase.of(case.key) == case
-        assert case.part in ("loop", "board", "real") or case.hidden
+        assert case.part in ("loop", "real") or case.hidden
 
 
 def test_fresh_poses_are_the_next_of_the_last_session() -> None:

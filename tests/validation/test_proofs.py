@@ -9,13 +9,13 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from validation.newcomer_files.__main__ import run
+from validation.newcomer_files.outcome import SILENT, TRACEBACK
 
 from tests.conftest import ROOT
 from tests.support.source_files import syntax_tree
 from tests.support.sweep import seeds
 from validation.doc_pictures import COMMANDS, PICTURES
-from validation.newcomer_files.__main__ import run
-from validation.newcomer_files.outcome import SILENT, TRACEBACK
 from validation.proofs.guarantees import guarantees
 from validation.proofs.history import continued, line_of
 from validation.proofs.pages import PAGES, pages

@@ -8,10 +8,8 @@ fresh poses with noise. Names: `?` a candidate cause, `~` an empirical term, `+`
 
 Parts: `catalogue` (the catalogues of hidden effects, ten pairs of effects of session or tracker, ten trackers and
 bases; 300 poses, then 80), `lean` (gravity tilted by 0 to 8 deg, 20 seeds), `beyond` (half of joint 2, 3 or 4
-measured, fresh poses in the other half), `absurd` (estimates that are absurd by construction), `board` (closed loop on
-the simulated board, 20 seeds, minutes each on an idle computer: distance from goals beside that with all causes known),
-`loop` (the same without board and daemon, seconds each), `real` (the real arm in nested folds, with --real; a quarter
-of an hour each).
+measured, fresh poses in the other half), `loop` (measured, deployed and sent to goals, 20 seeds: distance from them
+beside that with all causes known), `real` (the real arm in nested folds, with --real; a quarter of an hour each).
 A case that is in the file of results is not run again.
 """
 
@@ -21,7 +19,6 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from examples.demo.world import SPEED
 from lrm_math.errors import FileError
 from validation.as_deployed.examine import examine
 from validation.as_deployed.real_arm import MEASUREMENTS
@@ -40,8 +37,6 @@ def main() -> int:
         poses=([*COUNTS], "numbers of poses of the catalogue"),
         seeds=([int], "seeds (default: those of each part)"),
         only=([str], "only cases whose key contains one of these"),
-        every=(1, "only every so many of the cases"),
-        speed=(SPEED, "speed of the simulated board's clock, for --part board; less for a busy computer"),
         jobs=(1, "processes side by side"),
         beside=(None, "results of other code, shown beside these"),
         out=(Path("out/as-deployed.json"), "file of results"),
@@ -49,8 +44,8 @@ def main() -> int:
     there = options.real is not None and (options.real / MEASUREMENTS).exists()
     parts = [part for part in options.part if part != "real" or there]
     every = {one.key: one for part in parts for one in cases_of(part, options.seeds, options.poses)}
-    keys = [key for key in every if not options.only or any(word in key for word in options.only)][:: options.every]
-    of_case = partial(examine, real=options.real, speed=options.speed)
+    keys = [key for key in every if not options.only or any(word in key for word in options.only)]
+    of_case = partial(examine, real=options.real)
     try:
         beside = {} if options.beside is None else results_file(options.beside).read()
         file = results_file(options.out)

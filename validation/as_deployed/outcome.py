@@ -14,12 +14,10 @@ from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
-from lrm_math.effects import effect_of
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed, as_deployed_at, deployed_part
 from lrm_math.model.equilibrium import Equilibrium, batch_equilibrium
-from lrm_math.model.model import Model
 from lrm_math.model.uncertainty import prediction_covariance
 from lrm_math.model.unseen_states import beyond_session
 from validation.as_deployed.recording import WorldRecording, as_known_to_a_rover, in_shown_frame
@@ -113,22 +111,12 @@ def _stated(when: str, step: Step) -> Record:
 
 
 def steps_of(found: AutoRun) -> list[Record]:
-    """Each step with its claim, all that it may stand for, and its estimates with how many times typical they are."""
+    """Each step with its claim and all that it may stand for."""
     claims = [one.kind for one in found.attributions]
     return [
-        {"added": step.added, "claim": claim, "names": [*step.names], "estimates": _estimates(step, found.model)}
+        {"added": step.added, "claim": claim, "names": [*step.names]}
         for step, claim in zip(found.steps[1:], claims, strict=True)
     ]
-
-
-def _estimates(step: Step, model: Model) -> dict[str, list[float]]:
-    """By key: the value in the key's unit, and over the typical size; of the last model."""
-    keys = [key for key in model.keys if effect_of(key) == step.added and key in model.free]
-    values = {key: (model.value(key), model.parameter(key)) for key in keys}
-    return {
-        key: [_short(value / parameter.si), _short(value / parameter.typical)]
-        for key, (value, parameter) in values.items()
-    }
 
 
 def _short(value: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from lrm_math.arrays import Array
 from validation.hidden_effects.case import Case
@@ -33,11 +33,6 @@ class HalfRange(PoseChoice):
     side: int
     many = 8
 
-    @property
-    def words(self) -> str:
-        """The half that is measured, in words."""
-        return f"{'upper' if self.side > 0 else 'lower'} half of joint {self.joint} measured"
-
     def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         return self._on(self.side, case, arm, seed, count)
 
@@ -47,27 +42,3 @@ class HalfRange(PoseChoice):
     def _on(self, side: int, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         q, (low, high) = drawn_poses(case, arm, seed, self.many * count), arm.links[self.joint - 1].limits_rad
         return q[side * (q[:, self.joint - 1] - 0.5 * (low + high)) >= 0.0][:count]
-
-
-@dataclass(frozen=True)
-class TiedJoints(PoseChoice):
-    """A joint moves against another one in all measured poses, by the same angle; fresh poses are free."""
-
-    joint: int
-    other: int
-    words = "two joints tied"
-
-    def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
-        q = drawn_poses(case, arm, seed, count)
-        q[:, self.other - 1] = -q[:, self.joint - 1]
-        return q
-
-
-@dataclass(frozen=True)
-class BetweenLevels(PoseChoice):
-    """Measured poses stand at a case's levels, fresh ones at any angle."""
-
-    words = "fresh poses between the measured levels"
-
-    def fresh(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
-        return drawn_poses(replace(case, levels_deg=()), arm, seed, count)

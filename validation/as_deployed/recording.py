@@ -90,17 +90,16 @@ class OngoingWorld:
 
     Attributes:
         hidden: the truth of a seed, in the tool's words where it has some.
-        record: the recording of a seed with so many measured poses. poses: how many there are; None: any number.
+        record: the recording of a seed with so many measured poses.
     """
 
     hidden: Callable[[int], str]
     record: Callable[[int, int], WorldRecording]
-    poses: int | None = None
 
     @classmethod
-    def of(cls, hidden: str, record: Callable[[int, int], WorldRecording], poses: int | None = None) -> OngoingWorld:
+    def of(cls, hidden: str, record: Callable[[int, int], WorldRecording]) -> OngoingWorld:
         """A world in which the same is hidden with every seed."""
-        return cls(lambda _: hidden, record, poses)
+        return cls(lambda _: hidden, record)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
 OFF = 0.1
 SURE = 2.0
 """Standard deviations that an error exceeds rarely: two as of a Gaussian."""
-IMPLAUSIBLE = "implausible"
-IN_MM = ("loop/", "board/", "real/")
+IN_MM = ("loop/", "real/")
 Cases = dict[str, Record]
 
 
@@ -51,10 +50,8 @@ def report(cases: Cases, beside: Cases) -> str:
     """Counts by part, then every case as Markdown; `beside`: records of other code, shown as *then*."""
     simulated = {key: one for key, one in cases.items() if not key.startswith(IN_MM)}
     parts = ["## Counts", _counts(simulated, beside), "## Cases", _table(simulated, beside)] if simulated else []
-    if absurd := {key: one for key, one in simulated.items() if "says" in one and "steps" in one}:
-        parts += ["## Absurd estimates", _claims(absurd)]
     others = {key: one for key, one in cases.items() if key not in simulated}
-    return "\n\n".join([*parts, *(["## Loop, board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
+    return "\n\n".join([*parts, *(["## Loop and real arm, mm", _table_in_mm(others, beside)] if others else [])])
 
 
 def group_of(key: str) -> str:
@@ -62,7 +59,7 @@ def group_of(key: str) -> str:
     part, rest = key.split("/", 1)
     name, poses, _ = rest.rsplit("/", 2)
     catalogue = name.partition("/")[0]
-    return part if part in ("lean", "absurd") else f"{part}, {catalogue}, {poses} poses"
+    return part if part == "lean" else f"{part}, {catalogue}, {poses} poses"
 
 
 def _counts(cases: Cases, beside: Cases) -> str:
@@ -139,20 +136,6 @@ def _table(cases: Cases, beside: Cases) -> str:
         )
         rows.append((key, record["hidden"], *own, *then))
     return markdown_table((*head, *more), rows)
-
-
-def _claims(cases: Cases) -> str:
-    """Claim of each step, its largest estimate over its typical size, and what is printed about its size."""
-    rows = []
-    for key, record in cases.items():
-        lines = [line.strip() for line in record["says"] if IMPLAUSIBLE in line.lower()]
-        for step in record["steps"]:
-            size, name = max((abs(over), of) for of, (_, over) in step["estimates"].items())
-            value = f"{name} = {step['estimates'][name][0]:g}"
-            rows.append((key, step["added"], step["claim"], value, f"{size:.1f}", " / ".join(lines) or "nothing"))
-    return markdown_table(
-        ("case", "step", "claim", "largest estimate", "× typical", f"said of an {IMPLAUSIBLE} size"), rows
-    )
 
 
 def _table_in_mm(cases: Cases, beside: Cases) -> str:

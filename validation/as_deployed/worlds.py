@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 
 from lrm_ident.fitting.cross_validation import FOLDS
-from validation.as_deployed.absurd import ABSURD
-from validation.as_deployed.board.loop import POSES
 from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
 from validation.as_deployed.leaning import SEEDS, Lean, leaning_recording
+from validation.as_deployed.loop import POSES
 from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.real_arm import REAL
 from validation.as_deployed.recording import OngoingWorld, WorldRecording
 from validation.hidden_effects.case import Case
 from validation.synthetic import load_arm
 
-PARTS = ("catalogue", "lean", "beyond", "absurd", "loop", "board", "real")
+PARTS = ("catalogue", "lean", "beyond", "loop", "real")
 JOINTS = (2, 3, 4)
 COUNTS = (300, 80)
 
@@ -47,7 +46,6 @@ WORLDS: dict[str, dict[str, OngoingWorld]] = {
     },
     "lean": {"lean": OngoingWorld(lambda seed: Lean.of(seed).words, lambda seed, _: leaning_recording(seed))},
     "beyond": {name: _half_measured(number, case) for number, (name, case) in enumerate(CATALOGUE.items())},
-    "absurd": ABSURD,
 }
 """By part and name."""
 
@@ -89,10 +87,9 @@ def cases_of(part: str, seeds: Sequence[int], counts: Sequence[int]) -> Iterator
         yield from (OngoingCase(part, name, FOLDS, 0) for name in REAL)
     elif part == "lean":
         yield from (OngoingCase(part, part, Lean.of(seed).poses, seed) for seed in seeds or range(SEEDS))
-    elif part in ("loop", "board"):
-        yield from (OngoingCase(part, "loop", POSES, seed) for seed in seeds or range(SEEDS))
+    elif part == "loop":
+        yield from (OngoingCase(part, part, POSES, seed) for seed in seeds or range(SEEDS))
     else:
         for count in counts if part == "catalogue" else counts[:1]:
             for seed in seeds or (0,):
-                worlds = WORLDS[part].items()
-                yield from (OngoingCase(part, name, world.poses or count, seed) for name, world in worlds)
+                yield from (OngoingCase(part, name, count, seed) for name in WORLDS[part])

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from examples.demo.simulated_tracker import BASE_IN_ROOM, TOOL, frames
-from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.arrays import Array
 from validation.as_deployed.leaning import Lean
 from validation.synthetic import (
@@ -34,7 +30,7 @@ PUSH_M, PUSH_DEG, PUSHED_AT_S = 0.003, 0.3, 240.0
 class PassingWorld:
     """Arm of a seed with random errors, whose joint 2, 3 or 4 drifts, on a base that leans, seen by a tracker.
 
-    The tracker's base target is pushed while measuring, by the board's clock (s).
+    The tracker's base target is pushed while measuring.
     """
 
     seed: int
@@ -57,22 +53,6 @@ class PassingWorld:
         joint, drift, tilt, *_ = self._sizes
         return f"drift@joint{joint} {math.degrees(drift):.1f}°, pushed base target, gravity {tilt}° about {self._axis}"
 
-    def measuring(self, board: Path) -> Iterator[TrackerFrame]:
-        """Frames while it warms up and is pushed."""
-        for frame in frames(board, *self.passing, self.seed):
-            yield self._pushed(frame) if frame.t >= PUSHED_AT_S else frame
-
-    def afterwards(self, board: Path) -> Iterator[TrackerFrame]:
-        """Frames of the world that goes on: pushed, leaning, and warming up again from this power-on.
-
-        The daemon follows a named warm-up from the power-on of the joints; an arm that is warm then would be another.
-        """
-        return map(self._pushed, frames(board, *self.passing, self.seed))
-
-    def known(self, board: Path) -> Iterator[TrackerFrame]:
-        """The same on a level base: nothing passes while it is measured, so that a plain fit has all causes."""
-        return map(self._pushed, frames(board, *self.level, self.seed))
-
     @property
     def passing(self) -> tuple[ArmDescription, GroundTruth]:
         """The arm as it is measured, leaning and warming up."""
@@ -81,7 +61,7 @@ class PassingWorld:
 
     @property
     def lasting(self) -> tuple[ArmDescription, GroundTruth]:
-        """The arm as it goes on, for models without a daemon: leaning and warm."""
+        """The arm as it goes on: leaning and warm."""
         return self._leaning, self._truth(self._warm)
 
     @property
@@ -110,12 +90,3 @@ class PassingWorld:
     def _truth(self, effect: WarmUp | JointSlip) -> GroundTruth:
         arm = load_arm(ARM_FILE)
         return base_displacement_to_deviations(arm, GroundTruth.random(arm, self.seed, (effect,)))
-
-    def _pushed(self, frame: TrackerFrame) -> TrackerFrame:
-        """A frame whose tool stands elsewhere relative to the base target."""
-        if TOOL not in frame.targets:
-            return frame
-        seen, base = frame.targets[TOOL], BASE_IN_ROOM
-        moved = self.pushed(base.rotation.T @ (seen.position - base.position))
-        targets = {**frame.targets, TOOL: TargetPose(base.position + base.rotation @ moved, seen.rotation)}
-        return replace(frame, targets=targets)
