@@ -24,7 +24,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory real-data touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -132,9 +132,6 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES) --seconds 20
 
-fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
-	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
-
 soak: soak-laws soak-daemon soak-kernel soak-attacks ## all four parts of it (days, mostly of the third; the weekly workflow runs them side by side, the third shorter)
 
 soak-laws: setup ## all laws with fifteen times the examples, and what is marked `soak`
@@ -157,9 +154,6 @@ soak-attacks: setup ## attacks and legal clients for MINUTES=10 each, a campaign
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.legal_clients $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
 
-transfer: setup ## 20 simulated arms, calibrated on the rig, identified on the rover from 0, 3, 6 and 12 poses (five minutes)
-	$(ONE_THREAD) $(BIN)/python -m validation.transfer --seeds 20
-
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt hatchling ziglang
 	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . || exit 1; done
@@ -179,17 +173,8 @@ check-tag: setup ## does TAG= name the version of pyproject.toml
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
 
-misreadings: setup ## are misread measurements understood and healthy ones accepted, on arms of the independent generator
-	$(ONE_THREAD) $(BIN)/python -m validation.misreadings --seeds 3
-
 real-data: setup ## our held-out error on public measurements of real arms beside rigid least squares, a Gaussian process and boosting; skipped without a network (MIRROR= a folder of the files)
 	$(ONE_THREAD) $(BIN)/python -m validation.real_data $(if $(MIRROR),--mirror $(MIRROR))
-
-vendor-arms: setup ## import every robot's file below FOLDERS=, copies of vendors' repositories, and compare with MuJoCo
-	$(ONE_THREAD) $(BIN)/python -m validation.vendor_arms $(FOLDERS)
-
-newcomers: setup ## 2000 random single changes of healthy files, datasets and photos: is a wrong result ever silent? (half an hour)
-	$(ONE_THREAD) $(BIN)/python -m validation.newcomer_files --changes 2000
 
 touches: setup ## twelve simulated arms calibrated by touched sockets alone, against a tracker (ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.touched_points.simulated_arms
@@ -197,9 +182,8 @@ touches: setup ## twelve simulated arms calibrated by touched sockets alone, aga
 touches-public: setup ## public touches as a file: DATA=clone/data/ARM ARM=arm.toml OUT=touches.csv [PLACEMENTS=] [WITHOUT=]
 	$(BIN)/python -m validation.touched_points.public_recordings $(DATA) $(ARM) -o $(OUT) --placements "$(PLACEMENTS)" --without "$(WITHOUT)"
 
-tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
+tutorial: setup ## the pictures of docs/tutorial.md, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures
-	$(BIN)/python -m validation.workbench.speed
 
 pictures: setup ## the pictures of the docs that commands draw (DATA= the real measurements, which three of them need)
 	$(ONE_THREAD) $(BIN)/python -m validation.doc_pictures $(DATA)
@@ -211,7 +195,7 @@ closed-loop: setup ## the demo over 30 seeds (an hour)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30
 
 as-deployed: setup ## the error of the deployed model in worlds that go on, before and after auto, in out/as-deployed.json (an hour; PART=, REAL= folder of the real arm)
-	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond absurd loop)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
+	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond loop)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
@@ -224,11 +208,9 @@ motion: setup ## hidden effects of motion in 19 simulated recordings through aut
 	@mkdir -p $(OUT)
 	$(ONE_THREAD) $(BIN)/python -m validation.motion --seed $(or $(SEED),0) --only "$(ONLY)" --json $(OUT)/motion.json
 
-swing: setup ## the simulated rover's arm swings: settling as predicted, moves shaped and not, a campaign with --settle auto (20 minutes; PWM=)
+swing: setup ## moves of the simulated rover whose arm swings: settling as predicted, shaped and not, at every phase of the frames (20 minutes; PWM=)
 	@mkdir -p $(OUT)
-	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.phases --pwm $(or $(PWM),50) --json $(OUT)/swing.json
-	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --frames --json $(OUT)/campaign.json
-	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.picture docs/pictures/swing.png
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --pwm $(or $(PWM),50) --json $(OUT)/swing.json
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
 	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
@@ -236,10 +218,9 @@ memory: setup ## worlds that creep, warm under load and slip, and worlds that do
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2
 
-lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, its follower from both sides, and its record_loop on simulated arms (LEROBOT_PYTHON=)
+lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, and its follower from both sides (LEROBOT_PYTHON=)
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot
-	$(if $(filter 0.4.%,$(LEROBOT)),,PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot.recording)
 
 $(LEROBOT_VENV)/.ready: pyproject.toml integrations/lerobot_robot_lrm/pyproject.toml hatch_build.py
 	@test -n "$(LEROBOT_PYTHON)" || { echo "LeRobot $(LEROBOT) needs Python 3.12, LeRobot 0.4 Python 3.11; set LEROBOT_PYTHON="; exit 1; }
@@ -247,9 +228,8 @@ $(LEROBOT_VENV)/.ready: pyproject.toml integrations/lerobot_robot_lrm/pyproject.
 	$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile 'lerobot[feetech,dataset]==$(LEROBOT)' pytest hypothesis pyyaml hatchling -e '.[ident,lerobot]' -e ./integrations/lerobot_robot_lrm
 	@touch $@
 
-doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
+doors: setup ## every door to a motor at 500 random instants (an hour)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
-	$(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
 
 HASHED = uv pip compile --quiet --constraints constraints.txt --generate-hashes --universal --python-version 3.11 \
 	--no-annotate --custom-compile-command "make hashes"

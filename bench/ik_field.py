@@ -23,8 +23,8 @@ from lrm_math.ik.goal import pose
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.equilibrium import solve_equilibrium
+from tests.support.nameless_arm import measured
 from validation.calibrated_ik import METHODS, PAYLOAD, goals, shares_of_branches
-from validation.nameless_arm import measured
 
 MOST, SLACK = 1.5, 0.01
 """Largest ratio of times; share of the branches by which either may differ by chance."""

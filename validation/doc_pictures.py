@@ -28,26 +28,18 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
         f"{IDENT} diagnose model.toml data.csv --figure PICTURE",
     ),
     "servo": (f"{IDENT} stiffness {SERVO} --figure PICTURE",),
-    "cross-load": (
-        "validation.two_loads .",
-        "validation.thesis no-load.csv loaded.csv --arm lrm-lab --cross-figure PICTURE",
-    ),
     "reach": (f"{IDENT} reach lrm-rover --figure PICTURE",),
     "motion": (
         "validation.motion --only coulomb --write recording",
         f"{IDENT} motion fit recording -o motion.toml",
         f"{IDENT} motion auto motion.toml recording -o best.toml --figure PICTURE",
     ),
-    "fleet": ("validation.fleet.picture PICTURE",),
-    "swing": ("validation.swinging_arm.picture PICTURE",),
     "fetch": ("examples.fetch --out . --stones 20 --seed 1",),
-    "sockets": ("validation.touched_points.guide_picture",),
     "design": (
         f"{IDENT} design lrm-lab --have REAL --levels '5; joint2=9' -n 20 --separate "
         "servo_gain@joint2,eccentricity@joint2 -o next.csv --figure PICTURE",
     ),
     "identifiability": (f"{IDENT} identify-parameters lrm-lab REAL --figure PICTURE",),
-    "options": ("validation.thesis REAL --arm lrm-lab --figure PICTURE",),
 }
 """Modules and their arguments, in order; PICTURE is the file that is drawn, REAL the real measurements."""
 

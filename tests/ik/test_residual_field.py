@@ -21,8 +21,8 @@ from lrm_math.model.covariance import Covariance, drawn_models
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.support.nameless_arm import measured
 from validation.calibrated_ik import DISTINCT, distinct
-from validation.nameless_arm import measured
 
 pytestmark = pytest.mark.long
 

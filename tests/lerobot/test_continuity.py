@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from examples.so101.hidden_arm import ARM_FILE, hidden_truth, tip_after
 from lerobot_robot_lrm import bounded
 from lerobot_robot_lrm.bounded import CREEP, FARTHEST, RATE, REVERSAL, bounded_command
 from lerobot_robot_lrm.correction import Corrected, Correction
@@ -19,8 +20,10 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
-from validation.lerobot_robot.continuity import PathFigures, follow, random_model, random_path
-from validation.lerobot_robot.fitted_arms import fitted_arms
+from tests.support.lerobot.small_steps import PathFigures, follow, random_model, random_path
+from validation.lerobot_robot.fitted_model import fit_hidden
+from validation.synthetic import GroundTruth
+from validation.synthetic import load_arm as described_arm
 
 pytestmark = pytest.mark.long
 
@@ -44,17 +47,19 @@ def test_commands_follow_small_steps_by_small_steps(arm: str, model: int, seed: 
     assert found.undirected_ratio <= 1.0 + RATE + CREEP / np.radians(0.1) + 1e-9
 
 
-def test_so_do_those_of_a_fitted_model_and_the_hidden_arm_is_nearer_to_its_goals() -> None:
-    (fitted,) = fitted_arms("so101", 1)
-    rng, found = np.random.default_rng(57), PathFigures()
+def test_so_do_those_of_a_fitted_model_and_the_hidden_arm_is_nearer_to_its_goals(tmp_path: Path) -> None:
+    described = described_arm(ARM_FILE)
+    truth, drawn = hidden_truth(described, "friction", 1), GroundTruth.nominal(described)
+    correction = Correction.of_file(fit_hidden(truth, "friction", 1, tmp_path))
+    rng, found, without, left = np.random.default_rng(57), PathFigures(), [], []
     for _ in range(4):
-        path = random_path(*fitted.correction.limits, rng)
-        commands = follow(fitted.correction, path, found)
-        found.without.append(fitted.missed_mm(path[-1], path))
-        found.left.append(fitted.missed_mm(path[-1], commands))
+        path = random_path(*correction.limits, rng)
+        goal = tip_after(described, drawn, path)
+        for errors, sent in ((without, path), (left, follow(correction, path, found))):
+            errors.append(1e3 * np.linalg.norm(tip_after(described, truth, sent) - goal))
     assert found.farthest <= FARTHEST + 1e-9
     assert found.undirected_ratio <= 1.0 + RATE + CREEP / np.radians(0.1) + 1e-9
-    assert np.median(found.left) < 0.5 < 5.0 < np.median(found.without)
+    assert np.median(left) < 1.0 < 5.0 < np.median(without)
 
 
 @given(arm=st.sampled_from(ARMS), model=st.integers(0, 9), seed=st.integers(0, 10_000))

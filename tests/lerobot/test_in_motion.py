@@ -22,8 +22,8 @@ from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel
 from tests.doors.lerobot_classes import plug_in
 from tests.doors.servos_door import MODEL
+from tests.support.lerobot.tracking_arm import hidden_arm, known_motion, motion_model_with, tracking
 from tests.support.motion_models import motion_text, write_motion_model
-from validation.lerobot_robot.in_motion import hidden_arm, known_motion, motion_model_with, tracking
 from validation.motion.world import hand
 
 ARM = load_arm("so101")

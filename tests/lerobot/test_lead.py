@@ -20,8 +20,8 @@ from lrm_math.errors import LrmError
 from lrm_math.motion.motion_model import MotionModel
 from tests.doors.servos_door import MODEL
 from tests.lerobot.test_in_motion import ARM, NOMINAL, RUBBING, arm_in_motion, sent
+from tests.support.lerobot.tracking_arm import motion_model_with
 from tests.support.motion_models import write_motion_model
-from validation.lerobot_robot.in_motion import motion_model_with
 
 DEAD_TIMES = st.lists(st.floats(0.0, 0.3), min_size=5, max_size=5).map(np.array)
 STREAMS = st.lists(st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5), min_size=1, max_size=12).map(np.array)

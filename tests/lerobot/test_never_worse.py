@@ -11,8 +11,8 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
+from tests.support.lerobot.rests import lagging_model, rests, tip
 from tests.support.sweep import seeds
-from validation.lerobot_robot.never_worse import lagging_model, rests, tip
 
 ARM = load_arm("so101")
 LEAD = 0.03

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.swinging_arm.phases import EVERY, STEP, best_hit_rate, distances_from_rest, settling_times
+from validation.swinging_arm.__main__ import EVERY, STEP, best_hit_rate, distances_from_rest, settling_times
 from validation.swinging_arm.rig import SwingingRover
 
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from validation.lerobot_dataset import FPS, Recording, encoder_readings
-from validation.synthetic import ArmDescription, GroundTruth
+from validation.synthetic import ArmDescription, GroundTruth, load_arm
 from validation.synthetic.chain import TrueChain, forward_kinematics, zero_configuration
 from validation.synthetic.screws import Array
-from validation.teleoperation import described_so101
 
 JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
 STEP_S, LOADS_EVERY = 0.001, 10
@@ -204,6 +204,12 @@ def _levers(q: Array) -> list[tuple[float, Array]]:
         lever = np.cross(posture.joint_axes, posture.centres[:, number, None] - posture.joint_points)
         out.append((body.mass_kg, lever * (np.arange(JOINTS) < body.loads_joint)[None, :, None]))
     return out
+
+
+@cache
+def described_so101() -> ArmDescription:
+    """As the independent generator reads it."""
+    return load_arm(Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml")
 
 
 @cache

@@ -1,1 +1,1 @@
-"""The simulated rover's arm swings: settling times, moves with and without a shaper, a campaign."""
+"""The simulated rover's arm swings: settling times of moves with and without a shaper."""

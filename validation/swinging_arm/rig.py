@@ -1,4 +1,4 @@
-"""Daemon, ramp, board and a swinging arm in one process on a simulated clock; a tracker beside them."""
+"""Daemon, ramp, board and a swinging arm in one process on a simulated clock."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from tempfile import mkdtemp
 
 import numpy as np
 
-from lrm_ident.measuring.campaign.data_file import ArmState
-from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.arrays import Array
@@ -37,8 +34,6 @@ SPRINGS = {
 """4 to 6 Hz, 5 % of critical damping."""
 SERVO_HZ, SERVO_RATIO = 14.0, 1.32
 """Second-order response like the simulated servos' exponential approach with 0.03 s."""
-FRAME_TICKS, NOISE_M = 2, 0.0003
-"""Ticks between frames of the tracker, 13 ms, and standard deviation of a frame per axis."""
 RENEW_TICKS = 15
 
 
@@ -79,7 +74,7 @@ class FramesOf(Pca9685Chip):
 
 @dataclass
 class SwingingRover:
-    """A daemon with a motion model and an arm that swings; also `CampaignArm`, `Tracker` and `Clock` of a campaign.
+    """A daemon with a motion model and an arm that swings.
 
     `in_frames`: servos see new pulses when a frame begins, at a phase by `seed`; else with the tick that sends them.
     """
@@ -87,12 +82,8 @@ class SwingingRover:
     pwm_hz: float
     shaping: str = "off"
     within_mm: float = 0.5
-    dead_band: float | None = None
     seed: int = 0
     in_frames: bool = False
-    session: int = 1
-    settle_s: float | None = None
-    number: int = 0
     config: Config = field(init=False)
 
     def __post_init__(self) -> None:
@@ -104,7 +95,7 @@ class SwingingRover:
         self.known = MotionPredictor(self.config, known_model(self.arm))
         self.daemon.core.motion = self.known
         channels = {s.name: s.channel for s in self.config.servos if s.name in self.arm.joint_names}
-        self.links = SimulatedArm(model_of(self.arm, ()), channels, dead_band=self.dead_band, springs=SPRINGS)
+        self.links = SimulatedArm(model_of(self.arm, ()), channels, springs=SPRINGS)
         chip = self.daemon.board.chip
         self.shown = FramesOf(chip, self.daemon.now * 1e-9 + self.rng.uniform(0.0, 1.0 / self.pwm_hz))
         self.daemon.run(30)
@@ -154,43 +145,6 @@ class SwingingRover:
         while self.daemon.ramp.moving:
             self.pass_ticks(1)
         return told.seconds, told.final_leg
-
-    # ---- parts of a campaign
-
-    def go(self, pose: PlannedPose) -> ArmState:
-        _, leg = self.move(np.array(pose.q))
-        self.settle_s = self.known.settling(leg).sure
-        self.pass_ticks(4)
-        return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
-
-    def commanded(self) -> tuple[float, ...]:
-        return tuple(self.daemon.core.angles(self.daemon.ramp.position)[: self.arm.dof])
-
-    def disturbed(self) -> str:
-        return ""
-
-    def too_warm(self) -> str:
-        return ""
-
-    def cool(self, rest: PlannedPose) -> None:
-        """See `CampaignArm`."""
-
-    def change_payload(self, payload: float) -> None:
-        """See `CampaignArm`."""
-
-    def frames(self, seconds: float) -> list[TrackerFrame]:
-        out = []
-        for tip in self.tips(round(seconds / self.tick_s))[::FRAME_TICKS]:
-            self.number += 1
-            seen = tip + self.rng.normal(scale=NOISE_M, size=3)
-            out.append(TrackerFrame(self.number, self.now(), {1: TargetPose(seen, np.eye(3))}))
-        return out
-
-    def now(self) -> float:
-        return self.daemon.now * 1e-9
-
-    def sleep(self, seconds: float) -> None:
-        self.pass_ticks(max(0, round(seconds / self.tick_s)))
 
 
 def tip_of(arm: Arm, q: Array) -> Array:

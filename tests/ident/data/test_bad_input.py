@@ -29,7 +29,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.plausibility import PlausibleSize, implausible_value, times
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import run_command, stderr_of, stdout_of
-from validation.newcomer_files.changes import scaled_arm
+from tests.support.scaled_arm import scaled_arm
 
 HEADER = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
 NUMBERS = np.arange(1, 61)

@@ -31,7 +31,7 @@ from tests.ident.data.test_remedies import NAMES, put, table, text
 from tests.ident.measuring.recordings.test_lerobot import written as dataset
 from tests.ident.measuring.recordings.test_recordings import motive
 from tests.support.commands import run_command, stdout_of
-from validation.newcomer_files.changes import scaled_arm
+from tests.support.scaled_arm import scaled_arm
 
 pytestmark = pytest.mark.long
 

@@ -20,7 +20,7 @@ from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from validation.misreadings import random_arm_data
+from tests.support.misreadings import random_arm_data
 
 NOISE_M, WARM_RAD, CONSTANT_S, POSES = 0.0003, 0.02, 250.0, 120
 

@@ -15,7 +15,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from validation.misreadings import random_arm_data
+from tests.support.misreadings import random_arm_data
 
 NOISE_M = 0.0003
 

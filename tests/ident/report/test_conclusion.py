@@ -27,7 +27,7 @@ from lrm_ident.residual.data_audit import Limitation, LimitationKind
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
-from validation.misreadings import random_arm_data
+from tests.support.misreadings import random_arm_data
 
 pytestmark = pytest.mark.long
 

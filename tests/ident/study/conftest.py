@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lrm_ident.study.study import Study
-from validation.nameless_arm import measured
+from tests.support.nameless_arm import measured
 
 
 @pytest.fixture(scope="session")

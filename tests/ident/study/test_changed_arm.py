@@ -25,7 +25,7 @@ from lrm_math.errors import FileError
 from lrm_math.model.model_file import ModelFile, as_tables
 from lrm_math.toml_file import read_toml
 from tests.support.commands import run_command, stdout_of
-from validation.misreadings import random_arm_data
+from tests.support.misreadings import random_arm_data
 
 SAID = "is not as it was when the model was fitted: links, tool or masses differ"
 

@@ -24,7 +24,7 @@ from lrmd.ik.deployed_model import deploy_file
 from lrmd.messages.control import FieldPart
 from tests.support.commands import stdout_of
 from tests.support.daemon.in_memory_daemon import CONFIG
-from validation.nameless_arm import WIDEST, measured
+from tests.support.nameless_arm import WIDEST, measured
 
 
 @pytest.fixture(scope="module")

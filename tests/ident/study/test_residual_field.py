@@ -41,8 +41,8 @@ from lrm_math.model.model_file import load_model
 from lrm_math.model.step_name import ADD
 from lrm_math.model.uncertainty import position_covariance
 from tests.support.commands import run_command, stdout_of
+from tests.support.nameless_arm import ARM, NOISE, measured
 from tests.support.sweep import examples, seeds
-from validation.nameless_arm import ARM, NOISE, measured
 
 
 @pytest.mark.long

@@ -29,8 +29,8 @@ from lrm_math.model.model_file import ProvenanceTable
 from lrm_math.model.step_name import ADD, StepName
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stdout_of
+from tests.support.misreadings import random_arm_data
 from tests.support.source_files import files, imported_names
-from validation.misreadings import random_arm_data
 
 pytestmark = [pytest.mark.usefixtures("one_step_folds"), pytest.mark.long]
 

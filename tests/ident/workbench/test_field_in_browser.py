@@ -13,7 +13,7 @@ from lrm_ident.workbench.tab.command_bar import ADD_FIELD
 from lrm_ident.workbench.work.tasks import FIELD
 from lrm_math.effects import FIELDS, NOT_A_CAUSE, marked
 from tests.support.browser import BrowserLog, RunningWorkbench, idle, opened, press, shot, wait_for, workbench
-from validation.nameless_arm import measured
+from tests.support.nameless_arm import measured
 
 SIZE = {"width": 1280, "height": 800}
 BUTTON = f"[data-name='{ADD_FIELD.lower()}']"

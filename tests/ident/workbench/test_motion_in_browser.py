@@ -17,8 +17,8 @@ from tests.ident.motion.test_motion_study import study
 from tests.ident.workbench.test_axe_in_browser import faults
 from tests.support.browser import opened, with_axe, workbench
 from tests.support.commands import stdout_of
+from tests.support.teleoperation import recorded, sound_arm
 from validation.lerobot_dataset import write_dataset
-from validation.teleoperation import recorded, sound_arm
 
 
 @cache

@@ -43,8 +43,8 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading, parse_axes
 from tests.conftest import EXAMPLE, SHARED
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.misreadings import ARMS, HEALTHY, KINDS, healthy_data, misread, random_arm_data
 from tests.support.sweep import examples, seeds, soak
-from validation.misreadings import ARMS, HEALTHY, KINDS, healthy_data, misread, random_arm_data
 
 pytestmark = pytest.mark.long
 

@@ -19,8 +19,8 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.many_robots import many_robots
+from tests.support.mujoco_robot import MujocoRobot
 from tests.support.vendor_robots import MESH, SHAPES, XACRO, vendor_parts
-from validation.vendor_arms.mujoco_robot import MujocoRobot
 
 MUJOCO_KEEPS = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco>'
 

@@ -16,14 +16,14 @@ from lrm_ident.measuring.recordings.lerobot import LeRobotFrames, read_frames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of, stdout_of
-from validation.lerobot_dataset import VERSIONS, Recording, write_dataset
-from validation.teleoperation import (
+from tests.support.teleoperation import (
     CAUSES,
     FollowingArm,
     ailing_arm,
     recorded,
     sound_arm,
 )
+from validation.lerobot_dataset import VERSIONS, Recording, write_dataset
 
 pytestmark = pytest.mark.long
 

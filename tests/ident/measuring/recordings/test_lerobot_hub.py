@@ -16,8 +16,8 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 from lrm_ident.measuring.recordings.lerobot_hub import dataset_folder, lerobot_home
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.teleoperation import ailing_arm, recorded, sound_arm
 from validation.lerobot_dataset import write_dataset
-from validation.teleoperation import ailing_arm, recorded, sound_arm
 
 
 @pytest.fixture

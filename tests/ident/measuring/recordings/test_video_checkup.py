@@ -25,10 +25,10 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ident.measuring.camera.test_camera import LENS, corners_of
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.teleoperated_video import CAMERA as FRONT
+from tests.support.teleoperated_video import FilmedStops, write_filmed
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view, rig
-from validation.camera.teleoperated_video import CAMERA as FRONT
-from validation.camera.teleoperated_video import FilmedStops, write_filmed
 
 pytestmark = pytest.mark.long
 

@@ -1,19 +1,14 @@
-"""Whether misread measurements are understood and healthy ones never refused, on arms of the independent generator.
-
-`python -m validation.misreadings` prints both for a half of the seeds: the thresholds of `registration.reading_check`
-were chosen on the first half, the second one is the report.
-"""
+"""Measurements of the independent generator's arms: read wrongly in every way that is known, and healthy ones."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
+from lrm_ident.data.registration.reading_check import ReadingCheck
 from lrm_ident.data.source import Source
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
@@ -21,8 +16,6 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.reading import Reading
 from validation import synthetic
-from validation.options import Count, asked
-from validation.runner import run_cases
 from validation.synthetic_measurements import measured
 
 ARMS = ("lrm-lab", "so101", "ur5")
@@ -44,9 +37,6 @@ ANGLE, LENGTH = np.radians(10.0), 0.020
 """Largest errors of healthy data."""
 POSES, FEW = 120, (10, 14, 20, 40, 120)
 HEALTHY = (*ARMS, "two-joint", "lrm-rover")
-HEALTHY_SEEDS = 6
-HALVES = {"thresholds": 0, "report": 100}
-"""First seed of each half."""
 AS_STATED = Source(stated=Reading(unit="mm", angle_unit="deg"))
 
 
@@ -182,62 +172,3 @@ def of_its_stiffness(name: str, truth: synthetic.GroundTruth) -> synthetic.Groun
         base_compliance_rad_per_nm=factor * truth.base_compliance_rad_per_nm,
         joint_compliance_rad_per_nm=tuple(factor * k for k in truth.joint_compliance_rad_per_nm),
     )
-
-
-@dataclass(frozen=True)
-class ReadingOutcome:
-    """Whether a data set was taken as it should be, the share of the spread of positions that it misses, what is said
-    of it, and what would be true."""
-
-    right: bool
-    share: float
-    said: tuple[tuple[str, ...], ...] = ()
-    truth: str = ""
-
-
-def examine(which: tuple[str, str, int]) -> ReadingOutcome:
-    """A misreading by arm, kind and seed, or healthy data: kind ""."""
-    name, kind, seed = which
-    if not kind:
-        check = check_reading(load_arm(name), healthy_data(name, seed))
-        return ReadingOutcome(check is None or check.right, 0.0 if check is None else check.read.share, _said(check))
-    case = misread(name, kind, seed)
-    check = check_reading(case.arm, case.data)
-    share = np.inf if check is None else check.read.share
-    return ReadingOutcome(case.understood(check), float(share), _said(check), case.truth)
-
-
-def _said(check: ReadingCheck | None) -> tuple[tuple[str, ...], ...]:
-    return () if check is None else tuple(tuple(scored.hypothesis.words) for scored in check.found)
-
-
-def line(key: str, one: ReadingOutcome) -> str:
-    """One data set."""
-    said = " or ".join(" and ".join(words) for words in one.said) or "nothing"
-    far = f"misses {one.share:.3f} of the spread" if np.isfinite(one.share) else "not compared"
-    return f"{'right' if one.right else 'WRONG'} {key}: {far}, said {said}, true {one.truth or 'nothing'}"
-
-
-def main() -> None:
-    """Prints both, by halves."""
-    options = asked(
-        __doc__, seeds=(Count(1), "of every misreading and arm"), half=("report", None, sorted(HALVES)), jobs=1
-    )
-    first = HALVES[options.half]
-    wrong = [*product(ARMS, KINDS, range(first, first + options.seeds))]
-    healthy = [(name, "", seed) for name, seed in product(HEALTHY, range(first, first + HEALTHY_SEEDS))]
-    cases = {f"{name}, {kind or 'healthy'}, {seed}": (name, kind, seed) for name, kind, seed in (*wrong, *healthy)}
-    found = run_cases(cases, examine, line, options.jobs)
-    ours, others = [*found.values()][: len(wrong)], [*found.values()][len(wrong) :]
-    understood, refused = sum(one.right for one in ours), sum(not one.right for one in others)
-    least, most = min(one.share for one in ours), max(one.share for one in others)
-    print(f"{options.half} (shares of the spread of the positions):")
-    print(f"  {understood} of {len(ours)} misreadings understood; they miss {least:.3f} or more")
-    print(f"  {refused} of {len(others)} healthy data sets refused; they miss {most:.3f} or less")
-    for key, one in found.items():
-        if not one.right:
-            print("   ", line(key, one))
-
-
-if __name__ == "__main__":
-    main()

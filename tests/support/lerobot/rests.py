@@ -1,32 +1,24 @@
-"""`python -m validation.lerobot_robot.never_worse`: is the tip ever worse with the correction than without?
+"""Rests after straight moves to goals: near the last one (0.05 to 3° a joint), anywhere, the most singular of thirty.
 
-Rests after straight moves to goals: near the last one (0.05 to 3° a joint), anywhere, and the most singular of thirty.
-Both arms have a history of their own: one is sent the bounded commands, the other the wishes. Models are random and
-exact, with friction and play that lag behind the motion as they do in arms, or of either sign. Of models that are
-fitted to hidden arms `paths` has the errors at rests.
+Two equal arms with a history of their own: one is sent the bounded commands, the other the wishes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from lerobot_robot_lrm.bounded import BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef, ParameterRef, effects_at
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
-from validation.lerobot_robot.continuity import HELD, random_model
-from validation.options import Count, asked
-from validation.runner import run_cases
-from validation.tables import markdown_table, table_row
+from tests.support.lerobot.small_steps import HELD, random_model
 
 WORSE, LEAST_M = 1.05, 1e-5
 """The law: corrected ≤ 1.05 · uncorrected, and what a solver leaves."""
@@ -102,44 +94,6 @@ def rests(made: Correction, seed: int, count: int) -> Iterator[RestErrors]:
             continue
 
 
-DRAWN = {"lagging": lagging_model, "either sign": random_model}
-"""Ways to draw a model."""
-
-
-def exact_rests(models: int, count: int, case: tuple[str, str]) -> list[RestErrors]:
-    """Errors at the rests of random exact models, by the name of an arm and of how its models are drawn."""
-    name, drawn = case
-    arm = load_arm(name)
-    made = (Correction.of(DRAWN[drawn](arm, np.random.default_rng([1, seed]))) for seed in range(models))
-    return [rest for seed, correction in enumerate(made) for rest in rests(correction, seed, count)]
-
-
-def cells(found: Sequence[RestErrors]) -> Iterator[str]:
-    """A line of the table."""
-    for kind in KINDS:
-        own = [each for each in found if each.kind == kind]
-        rms = [
-            1e3 * np.sqrt(np.mean([x**2 for x in values]))
-            for values in zip(*((e.uncorrected, e.corrected) for e in own), strict=True)
-        ]
-        worse = [each for each in own if each.worse]
-        most = max((1e3 * (each.corrected - each.uncorrected) for each in worse), default=0.0)
-        yield from (f"{rms[0]:.2f} → {rms[1]:.2f}", f"{len(worse)} of {len(own)}", f"{most:.2f}")
-
-
-def main() -> None:
-    """Prints the table."""
-    chosen = asked(__doc__, models=Count(20), rests=Count(30), jobs=1)
-    cases = {f"{name}, exact, {drawn}": (name, drawn) for name in ("so101", "lrm-rover") for drawn in DRAWN}
-    found = run_cases(cases, partial(exact_rests, chosen.models, chosen.rests), _line, chosen.jobs)
-    head = (f"{kind}{what}" for kind in KINDS for what in (": RMS (mm)", ": worse", ": by at most (mm)"))
-    print(markdown_table(("models", *head), [(name, *cells(some)) for name, some in found.items()]))
-
-
-def _line(key: str, found: Sequence[RestErrors]) -> str:
-    return table_row((key, *cells(found)))
-
-
 def _goal(made: Correction, kind: str, q: Array, rng: np.random.Generator) -> Array:
     low, high = made.limits
     if kind == "near":
@@ -170,7 +124,3 @@ def _moves(q: Array, goal: Array) -> Array:
 
 def _of_motion(key: str) -> bool:
     return ParameterRef.parse(key).name in (*LAGGING, "b_rad", "k_rad_per_Nm")
-
-
-if __name__ == "__main__":
-    main()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from lrm_math.arrays import Array
 from validation.lerobot_dataset import FPS, Recording, encoder_readings
-from validation.synthetic import ArmDescription, GroundTruth, load_arm, true_state
+from validation.motion.world import described_so101
+from validation.synthetic import GroundTruth, true_state
 
 EPISODES, STOPS = 5, 16
 JOINTS = 5
@@ -110,9 +109,3 @@ def _torque(q_deg: Array) -> Array:
     rows = np.unique(np.r_[np.arange(0, len(q_deg), 5), len(q_deg) - 1])
     tau = true_state(arm, GroundTruth.nominal(arm), np.radians(q_deg[rows])).tau_nm
     return np.stack([np.interp(np.arange(len(q_deg)), rows, column) for column in tau.T], axis=1)
-
-
-@cache
-def described_so101() -> ArmDescription:
-    """As the independent generator reads it."""
-    return load_arm(Path(__file__).resolve().parents[1] / "config" / "arms" / "so101.toml")

@@ -1,8 +1,6 @@
-"""What the plug-in makes of a motion model: `python -m validation.lerobot_robot.in_motion [--arms N] [--off SHARE]`.
+"""A hidden SO-101 with dead time, friction and play in its joints that follows a hand by the plug-in's commands.
 
-A hidden SO-101 (`validation.motion.world`) with dead time, friction and play in its joints follows a hand: by the
-requests themselves, by the plug-in's commands, and by those that are led by the dead times too. The motion model has
-the true values, or each is too large or too small by a share, at random.
+It follows the requests themselves, the corrected commands, and those that are led by the dead times too.
 """
 
 from __future__ import annotations
@@ -23,9 +21,7 @@ from lrm_math.effects.reference import ParameterRef
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from validation.lerobot_dataset import FPS
-from validation.motion.world import JOINTS, TrueJoints, driven, hand
-from validation.options import Count, asked
-from validation.runner import run_cases
+from validation.motion.world import JOINTS, TrueJoints, driven
 
 WAYS = ("requests", "corrected", "led")
 VALUES = (
@@ -107,41 +103,12 @@ def motion_model_with(stated: Mapping[str, float]) -> MotionModel:
     return model
 
 
-def known_motion(hidden: TrueJoints, off: Array | None = None) -> MotionModel:
-    """The model of motion with a hidden arm's values; `off`: (5, 5), factors of each joint's, if not the true ones."""
+def known_motion(hidden: TrueJoints) -> MotionModel:
+    """The model of motion with a hidden arm's values."""
     sizes = (hidden.frequency_hz, hidden.damping, hidden.dead_time, hidden.friction, hidden.play)
-    values = np.array(sizes).T * (1.0 if off is None else off)
     stated = {
         str(ParameterRef(kind, f"joint{j}", name)): value
-        for j, row in enumerate(values.tolist(), 1)
+        for j, row in enumerate(np.array(sizes).T.tolist(), 1)
         for (kind, name), value in zip(VALUES, row, strict=True)
     }
     return motion_model_with(stated)
-
-
-def examined(share: float, seed: int) -> TrackingErrors:
-    """Of the arm of a seed, by a model whose values are off by a share."""
-    rng = np.random.default_rng([64, seed])
-    hidden, wishes = hidden_arm(rng), hand(rng)
-    off = 1.0 + share * rng.choice([-1.0, 1.0], (JOINTS, len(VALUES)))
-    return tracking(hidden, known_motion(hidden, off), wishes, rng)
-
-
-def _line(_key: str, one: TrackingErrors) -> str:
-    parts = (
-        f"{way}: {one.everywhere[way]:.2f} deg RMS, {one.at_stops[way]:.2f} at stops, {one.beyond[way]:.2f} beyond"
-        for way in WAYS
-    )
-    return "; ".join(parts)
-
-
-def main() -> None:
-    """Prints a line for each arm."""
-    chosen = asked(__doc__, arms=Count(5), off=(0.0, "share by which the model's values are off"))
-    seeds = {str(seed): seed for seed in range(chosen.arms)}
-    for key, one in run_cases(seeds, partial(examined, chosen.off), _line).items():
-        print(f"seed {key}: {_line(key, one)}")
-
-
-if __name__ == "__main__":
-    main()

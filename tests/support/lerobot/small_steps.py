@@ -1,12 +1,11 @@
-"""Straight paths of wishes in small steps over the whole range: how far commands step, and how accurate rests are.
+"""Straight paths of wishes in small steps over the whole range: how far commands step.
 
 What LeRobot's robot does is done here without it: `bounded_command`, one wish after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from lerobot_robot_lrm.correction import Correction
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef, ParameterRef, effects_at
-from lrm_math.errors import LrmError
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
 
@@ -39,20 +37,12 @@ WHERE = (("servo_gain", 0.7), ("backlash", 0.5), ("hysteresis", 0.5), ("friction
 
 @dataclass
 class PathFigures:
-    """Figures found along paths: ratios of steps, distances (rad), errors at rests (mm).
+    """Largest figures along paths: a step of a command, and of a joint without direction over that of the wish; how far
+    a command is from the wish and the zero offset (rad)."""
 
-    `without`, `unbounded`, `left`: with the wish itself sent, with the correction without bounds, with the bounded one.
-    """
-
-    steps: int = 0
-    ratio: float = 0.0
     undirected_ratio: float = 0.0
     largest_step: float = 0.0
     farthest: float = 0.0
-    bounded: int = 0
-    unbounded: list[float] = field(default_factory=list)
-    without: list[float] = field(default_factory=list)
-    left: list[float] = field(default_factory=list)
 
 
 def random_model(arm: Arm, rng: np.random.Generator) -> Model:
@@ -78,32 +68,12 @@ def follow(made: Correction, path: Array, found: PathFigures) -> Array:
     motion, before, sent = Motion.at(path[0]), None, []
     for wish in path:
         answer = bounded_command(made, wish, motion, before)
-        found.bounded += bool(answer.bounded.any())
         found.farthest = max(found.farthest, float(np.abs(answer.command - answer.wish - made.zero_shift).max()))
         if before is not None:
             _add_step(made, before, answer, found)
         motion, before = motion.to(answer.command), answer
         sent.append(answer.command)
-    found.steps += len(path)
     return np.array(sent)
-
-
-def followed_without_bounds(made: Correction, path: Array) -> Array | None:
-    """(N, n), the same of the correction alone; None where it has no answer."""
-    motion, sent = Motion.at(path[0]), []
-    try:
-        for wish in path:
-            sent.append(made.command(wish, motion))
-            motion = motion.to(sent[-1])
-    except LrmError:
-        return None
-    return np.array(sent)
-
-
-def figures(values: Sequence[float]) -> tuple[str, ...]:
-    """RMS, median, 90th percentile and greatest of errors (mm)."""
-    x = np.array(values)
-    return f"{np.sqrt((x**2).mean()):.2f}", f"{np.median(x):.3f}", f"{np.percentile(x, 90):.2f}", f"{x.max():.1f}"
 
 
 def _add_step(made: Correction, before: BoundedCommand, answer: BoundedCommand, found: PathFigures) -> None:
@@ -111,7 +81,6 @@ def _add_step(made: Correction, before: BoundedCommand, answer: BoundedCommand, 
     if wished < 1e-6:  # beyond the limits
         return
     found.largest_step = max(found.largest_step, float(steps.max()))
-    found.ratio = max(found.ratio, float(steps.max()) / wished)
     plain = steps[made.slack == 0.0]
     found.undirected_ratio = max([found.undirected_ratio, *(plain / wished).tolist()])
 

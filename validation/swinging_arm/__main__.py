@@ -1,6 +1,6 @@
 """What the unknown phase of the board's frames leaves of a prediction: the same moves at many phases of the frames.
 
-`python -m validation.swinging_arm.phases [--moves 100] [--pwm 50] [--kinds off zvd timed] [--clock 0.0] [--seed 3]
+`python -m validation.swinging_arm [--moves 100] [--pwm 50] [--kinds off zvd timed] [--clock 0.0] [--seed 3]
 [--json FILE]`
 
 The simulated rover (`lrmd.sim`: servos with a dead band, links on springs) makes every move at 12 phases at once. Of

@@ -1,1 +1,0 @@
-"""Real arms as their vendors describe them: how many are imported, and whether they move as in MuJoCo."""
