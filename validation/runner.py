@@ -91,7 +91,6 @@ def run_cases(
     examine: Callable[[Case], Result],
     line: Callable[[str, Result], str],
     jobs: int = 1,
-    cluster: str = "",
     file: ResultsFile[Result] | None = None,
 ) -> dict[str, Result]:
     """Results by key, in the order of the cases; progress goes to stderr.
@@ -101,7 +100,6 @@ def run_cases(
         examine: the result of a case. What it raises ends the run; what was done by then is in the file.
         line: a case's line of progress, of its key and result.
         jobs: processes side by side.
-        cluster: address of a Dask scheduler, in place of processes.
         file: results that are there already are not computed again; each new one is written at once.
 
     Raises `FileError`: the file is another one. Ends the program where there is no case.
@@ -110,7 +108,7 @@ def run_cases(
         refuse(NO_CASE)
     results = file.read() if file else {}
     left = [key for key in cases if key not in results]
-    for number, result in _finished(examine, [cases[key] for key in left], jobs, cluster):
+    for number, result in _finished(examine, [cases[key] for key in left], jobs):
         results[left[number]] = result
         if file:
             file.write(results)
@@ -119,12 +117,10 @@ def run_cases(
     return {key: results[key] for key in cases}
 
 
-def _finished(
-    examine: Callable[[Case], Result], cases: Sequence[Case], jobs: int, cluster: str
-) -> Iterator[tuple[int, Result]]:
+def _finished(examine: Callable[[Case], Result], cases: Sequence[Case], jobs: int) -> Iterator[tuple[int, Result]]:
     """Number of a case and its result, as they are done."""
-    if jobs == 1 and not cluster:
+    if jobs == 1:
         yield from enumerate(map(examine, cases))
         return
-    with executor_for(cluster or None, most=jobs) as executor:
+    with executor_for(None, most=jobs) as executor:
         yield from as_finished(executor, examine, cases)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_math.arrays import Array
-from validation.hidden_effects.faults.measurement import QUIET, Fault, GoesOn
+from validation.hidden_effects.faults.measurement import Fault, GoesOn
 from validation.synthetic import ArmDescription, HiddenEffect
 
 Build = Callable[[ArmDescription, int], tuple[HiddenEffect, ...]]
@@ -73,8 +73,7 @@ class Case:
     hidden, None if no name fits. part: the catalogue that it belongs to. arm: the lab's, or one of the folder `arms`.
     sessions: number of power-on sessions that the poses are spread over. levels_deg: the only angles of each joint;
     none: any angle. outliers: the share of wrong measurements, which are out by 5 to 25 mm. waits: seconds between
-    readings; None: 15. spoil: what goes wrong in the measurement; goes_on: what of it lasts. verdicts: those that are
-    honest where nothing is named.
+    readings; None: 15. spoil: what goes wrong in the measurement; goes_on: what of it lasts.
     """
 
     name: str
@@ -90,7 +89,6 @@ class Case:
     spoil: Fault | None = None
     goes_on: GoesOn = GoesOn.NOTHING
     noise_known: bool = True
-    verdicts: tuple[str, ...] = QUIET
 
     @property
     def key(self) -> str:
@@ -110,6 +108,8 @@ class Case:
     @property
     def group(self) -> str:
         """The row of a table of totals."""
+        if self.spoil is not None and "healthy" not in self.name:
+            return "a fault of the measurement"
         if self.truths is None:
             return "outside the catalogue"
         return ("nothing hidden", "one effect", "two effects", "three effects")[len(self.truths)]

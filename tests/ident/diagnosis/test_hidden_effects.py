@@ -19,7 +19,6 @@ from validation.hidden_effects import examine
 from validation.hidden_effects.cases import CASES, SINGLE
 from validation.hidden_effects.data import ARM_FILE, write_case
 from validation.hidden_effects.outcome import FLOOR_MM, Outcome
-from validation.hidden_effects.tables import report
 from validation.synthetic import (
     ArmDescription,
     AxialFloat,
@@ -361,22 +360,6 @@ def test_case_files_repeat_and_are_mixed(tmp_path: Path) -> None:
     time, load, q1 = (np.array([float(row[key]) for row in rows]) for key in ("t_s", "payload_g", "q1_deg"))
     assert np.all(np.diff(time) > 0.0)
     assert np.abs(np.corrcoef([time, load, q1]) - np.eye(3)).max() < 0.4
-
-
-def test_outcomes_are_judged() -> None:
-    right = Outcome("play2", 0, (("backlash@joint2", "nonlinear_stiffness@joint2"),), "effect_missing")
-    assert (right.hit, right.confident, right.confidently_wrong) == (True, False, False)
-    wrong = Outcome("play2", 1, (("backlash@joint3",),), "effect_missing")
-    assert (wrong.hit, wrong.confident, wrong.confidently_wrong) == (False, True, True)
-    assert Outcome("play2+gain1", 0, (("servo_gain@joint1",),), "effect_missing").hit
-    assert Outcome("nothing", 0, verdict="nothing_missing").hit
-    assert Outcome("sum-q1-q4", 0, verdict="unexplained_structure").hit
-    assert not Outcome("sum-q1-q4", 0, (("coupling@joint3<-joint1",),), "effect_missing").hit
-    assert not Outcome("nothing", 0, trouble="it broke").hit
-    text = report([right, wrong, Outcome("nothing", 0, trouble="it | broke")], 300)
-    assert "| play2 | backlash@joint2 | 1/2 |" in text
-    assert "| backlash | · | 1 | 1 | · |" in text  # nothing missing, backlash, at another place, failed
-    assert "1 × it / broke" in text
 
 
 def test_examine_follows_the_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,6 @@ class GoesOn(Enum):
 
 
 NOISE_M = 0.0003  # per axis
-QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")
 BASE = ("session@base", "drift@base", "drift_curve@base", "change_point@base")
 """Names of a base, or a tracker, that moves as a whole."""
 
