@@ -24,7 +24,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory real-data touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers lerobot doors hashes pictures install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory real-data touches-public tutorial closed-loop motion swing as-deployed readability json-numbers lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -175,9 +175,6 @@ coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 
 real-data: setup ## our held-out error on public measurements of real arms beside rigid least squares, a Gaussian process and boosting; skipped without a network (MIRROR= a folder of the files)
 	$(ONE_THREAD) $(BIN)/python -m validation.real_data $(if $(MIRROR),--mirror $(MIRROR))
-
-touches: setup ## twelve simulated arms calibrated by touched sockets alone, against a tracker (ten minutes)
-	$(ONE_THREAD) $(BIN)/python -m validation.touched_points.simulated_arms
 
 touches-public: setup ## public touches as a file: DATA=clone/data/ARM ARM=arm.toml OUT=touches.csv [PLACEMENTS=] [WITHOUT=]
 	$(BIN)/python -m validation.touched_points.public_recordings $(DATA) $(ARM) -o $(OUT) --placements "$(PLACEMENTS)" --without "$(WITHOUT)"

@@ -19,15 +19,13 @@ from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.arm.pulse_rounding import Rounding
-from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
-from lrm_math.ik.answer import CalibratedReply, NotConverged, Solved
+from lrm_math.ik.answer import CalibratedReply, Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import AT_LIMIT, Method
 from lrm_math.ik.goal import CHAR_LENGTH, IkQuery, pose
-from lrm_math.ik.methods import Cube, Direct, Iterative
+from lrm_math.ik.methods import Cube, Direct
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import COMPENSATED
@@ -179,43 +177,6 @@ def shares_of_branches(solver: CalibratedSolver, tools: Array) -> tuple[float, f
     return found[0] / known, found[1] / known
 
 
-@dataclass(frozen=True)
-class IterationStall:
-    """The thesis's first method: share of goals that it misses by more than a millimetre, medians of its errors (m).
-
-    `first`, `second`, `third`: of the nominal answer, after the first correction, after the next. `last`: the mean
-    over the later half of the loops that lasted ten steps or more, `lasting` of them.
-    """
-
-    not_solved: float
-    first: float
-    second: float
-    third: float
-    last: float
-    lasting: int
-
-
-def iteration_stall(solver: CalibratedSolver, tools: Array) -> IterationStall:
-    """The errors of the first method's loops."""
-    answers = replies(solver, tools, Iterative())
-    errors = [np.array(reply.errors) for reply in answers if isinstance(reply, NotConverged)]
-    loops = [e for e in errors if len(e) >= 3]
-    long = [e for e in errors if len(e) >= 10]
-    first, second, third = (float(np.median([e[i] for e in loops])) for i in range(3))
-    last = float(np.median([e[len(e) // 2 :].mean() for e in long])) if long else float("nan")
-    return IterationStall(len(errors) / len(tools), first, second, third, last, len(long))
-
-
-def rounding_errors(model: Model, tools: Array, frequency: float) -> tuple[float, float]:
-    """Median error (m) after rounding each joint, and after choosing the best of the neighbouring counts."""
-    solver = CalibratedSolver.of(model, clock=PwmClock(frequency))
-    out = []
-    for rounding in Rounding:
-        answers = [solver.solve(pose(t[:3, 3], t[:3, :3]), PAYLOAD, method=Direct(), rounding=rounding) for t in tools]
-        out.append(float(np.median([a.rounded.error for a in answers if isinstance(a, Solved) and a.rounded])))
-    return out[0], out[1]
-
-
 def goals_met(direct: list[IkAccuracy]) -> str:
     """Whether the direct method meets its time goals; the first two models have springs and rigid errors alone."""
 
@@ -261,17 +222,6 @@ def main() -> None:
     print(markdown_table(COLUMNS, rows))
     print(goals_met(direct_figures))
     print(f"Of the branches that {STARTS} starts for one goal lead to, direct and cube answer: {'; '.join(shares)}")
-    thesis = load_model(TABLE_B2)
-    tools = goals(thesis, options.cube_goals)
-    s = iteration_stall(CalibratedSolver.of(thesis), tools)
-    print(
-        f"The thesis's first method misses {100 * s.not_solved:.0f} % of the goals by more than 1 mm; medians: "
-        f"{1e3 * s.first:.1f} mm at first, {1e3 * s.second:.1f} after one correction, {1e3 * s.third:.1f} after two, "
-        f"{1e3 * s.last:.1f} on average later on ({s.lasting} loops of ten steps or more)"
-    )
-    for frequency in (50.0, 330.0):
-        each, best = rounding_errors(thesis, tools[:100], frequency)
-        print(f"Counts at {frequency:.0f} Hz leave {1e3 * each:.2f} mm, the best neighbours {1e3 * best:.2f} mm")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from examples.demo.options import run_in_folder
+from examples.so101.touched_sockets import ARM, DEG, NOISE_M, loaded, of_generator, tip_error_mm, touched
 from lrm_ident.cli.app import app
 from lrm_ident.cli.common import show
 from lrm_ident.measuring.sockets.board import SocketBoard
@@ -22,7 +23,6 @@ from lrm_ident.study import inputs
 from lrm_ident.study.study import Study
 from lrm_math.model.model import model_of
 from validation.synthetic import SoftPlay
-from validation.touched_points.simulated_arms import ARM, DEG, NOISE_M, loaded, of_generator, tip_error_mm, touched
 
 TOUCHES = 24
 """Planned; a socket or two is out of reach of most arms, and the diagnosis asks for 20 touches."""

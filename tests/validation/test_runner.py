@@ -90,7 +90,6 @@ def test_a_number_that_json_lacks_is_null_and_its_case_is_computed_again(tmp_pat
         "hidden_effects.__main__ --only nowhere",
         "motion.__main__ --only nowhere",
         "as_deployed.__main__ --only nowhere",
-        "touched_points.simulated_arms --only 99",
         "proofs.real_arms --data nowhere",
         "interval_coverage --seeds 0",
         "hidden_effects.__main__ --poses 0",

@@ -1,30 +1,15 @@
-"""Coverage of the confidence intervals of named effects: `python -m validation.hidden_effects.intervals` adds to each
-data set of the first catalogue the effects that are hidden in it, and counts the intervals that hold the truth."""
+"""True values of the parameters that a hidden effect makes, and how far their estimates are from them."""
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections import defaultdict
 from collections.abc import Iterator
-from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-import lrm_ident as lrm
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
-from lrm_math.effects import EffectRef, ParameterRef
-from lrm_math.errors import LrmError
-from validation.hidden_effects.case import ARM_FILE, Case
-from validation.hidden_effects.cases import SINGLE
-from validation.hidden_effects.data import dataset
-from validation.interval_coverage import TWO_SIDED_95
-from validation.options import Count, asked
-from validation.runner import run_cases
-from validation.synthetic import ArmDescription, Dataset, HiddenEffect, write
+from validation.synthetic import ArmDescription, Dataset, HiddenEffect
 from validation.synthetic.hidden_bodies import WrongBody, WrongLoad
 from validation.synthetic.hidden_joints import CoupledJoint, EccentricShaft, FastClock, OneSidedGain, SoftPlay
 from validation.synthetic.hidden_links import BaseRocking, BaseWarmUp, ViscoelasticBase
@@ -39,9 +24,6 @@ from validation.synthetic.hidden_memory import (
     WarmUp,
 )
 from validation.synthetic.hidden_tracker import SkewTracker
-
-SPRINGS = ("joint2", "joint3", "joint4")
-"""Joints whose compliance every case tells."""
 
 
 def true_parameters(hidden: HiddenEffect, arm: ArmDescription, q: Array) -> dict[str, float]:
@@ -121,68 +103,4 @@ def deviations(fit: Fit, made: Dataset) -> Iterator[tuple[str, float]]:
     for effect in made.truth.effects:
         for key, true in true_parameters(effect, made.arm, made.q_rad).items():
             if key in fit.model.free:
-                yield key, _z(fit, key, true)
-
-
-def _z(fit: Fit, key: str, true: float) -> float:
-    return (fit.model.value(key) - true) / float(fit.standard_error[fit.model.free.index(key)])
-
-
-def deviations_of(case: Case, seed: int, count: int, folder: Path) -> Iterator[tuple[str, str, float]]:
-    """Effect, key and z of each parameter within its bounds, of the hidden effects once added, and of springs."""
-    made = dataset(case, seed, count)
-    study = lrm.Study.of(lrm.load(write(folder / case.name, made, "coverage of intervals")[0], ARM_FILE)).fit()
-    for name in case.truth or ():
-        study = study.add(name)
-    fitted = study.taken.fit
-    for key, z in deviations(fitted, made):
-        if key not in fitted.at_bound:
-            yield ParameterRef.parse(key).id, key, z
-    beside = f"springs beside {EffectRef.parse((case.truth or ('nothing',))[0]).id}"
-    for joint in SPRINGS:
-        key = f"compliance.{joint}.k_rad_per_Nm"
-        if key in fitted.model.free and key not in fitted.at_bound:
-            yield beside, key, _z(fitted, key, made.truth.joint_compliance_rad_per_nm[int(joint[-1]) - 1])
-
-
-def examine(poses: int, which: tuple[str, int]) -> list[tuple[str, str, float]] | str:
-    """`deviations_of` a case by its name and a seed, or why there are none."""
-    name, seed = which
-    warnings.simplefilter("ignore")
-    with TemporaryDirectory() as folder:
-        try:
-            return list(deviations_of(SINGLE[name], seed, poses, Path(folder)))
-        except LrmError as error:
-            return str(error)
-
-
-def line(key: str, found: list[tuple[str, str, float]] | str) -> str:
-    """One data set."""
-    return f"{key}: {found if isinstance(found, str) else ' '.join(f'{of} {z:+.1f}' for _, of, z in found)}"
-
-
-def main() -> None:
-    """Prints the share by effect."""
-    options = asked(
-        __doc__,
-        seeds=Count(3),
-        first=(0, "first seed"),
-        poses=Count(150),
-        only=("", "cases whose name contains this"),
-        jobs=1,
-    )
-    seeds = range(options.first, options.first + options.seeds)
-    cases = {f"{seed} {name}": (name, seed) for seed in seeds for name in SINGLE if options.only in name}
-    found = defaultdict[str, list[float]](list)
-    for rows in run_cases(cases, partial(examine, options.poses), line, options.jobs).values():
-        for effect, _, z in () if isinstance(rows, str) else rows:
-            found[effect].append(z)
-    for effect, every in sorted(found.items()):
-        held = f"{(np.abs(every) < TWO_SIDED_95).sum()} of {len(every)} hold the truth"
-        print(f"{effect}: {held}; RMS of z {np.sqrt(np.mean(np.square(every))):.2f}")
-    everything = np.concatenate(list(found.values()))
-    print(f"all: {100 * np.mean(np.abs(everything) < TWO_SIDED_95):.1f} % of {len(everything)}")
-
-
-if __name__ == "__main__":
-    main()
+                yield key, (fit.model.value(key) - true) / float(fit.standard_error[fit.model.free.index(key)])
