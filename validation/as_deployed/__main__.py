@@ -38,7 +38,6 @@ def main() -> int:
         seeds=([int], "seeds (default: those of each part)"),
         only=([str], "only cases whose key contains one of these"),
         jobs=(1, "processes side by side"),
-        beside=(None, "results of other code, shown beside these"),
         out=(Path("out/as-deployed.json"), "file of results"),
     )
     there = options.real is not None and (options.real / MEASUREMENTS).exists()
@@ -47,13 +46,12 @@ def main() -> int:
     keys = [key for key in every if not options.only or any(word in key for word in options.only)]
     of_case = partial(examine, real=options.real)
     try:
-        beside = {} if options.beside is None else results_file(options.beside).read()
         file = results_file(options.out)
         found = run_cases({key: every[key] for key in keys}, of_case, line_of, options.jobs, file=file)
     except FileError as problem:
         print(problem, file=sys.stderr)
         return 2
-    print(report(found, beside))
+    print(report(found))
     return 0
 
 

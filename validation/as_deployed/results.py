@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-
-import numpy as np
+from statistics import median
 
 from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, over_stated_sd, ratio, stated_off
 from validation.runner import ResultsFile
-from validation.tables import markdown_table
+from validation.tables import table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
@@ -19,7 +18,11 @@ OFF = 0.1
 SURE = 2.0
 """Standard deviations that an error exceeds rarely: two as of a Gaussian."""
 IN_MM = ("loop/", "real/")
-Cases = dict[str, Record]
+NOT_KNOWN = "–"
+Cases = Mapping[str, Record]
+Found = Sequence[Record]
+Value = Callable[[Record], float | None]
+Columns = Mapping[str, Callable[[Found], str]]
 
 
 def results_file(path: Path) -> ResultsFile[Record]:
@@ -46,12 +49,18 @@ def line_of(key: str, record: Record) -> str:
     )
 
 
-def report(cases: Cases, beside: Cases) -> str:
-    """Counts by part, then every case as Markdown; `beside`: records of other code, shown as *then*."""
+def report(cases: Cases) -> str:
+    """Counts by part, then every case as Markdown."""
     simulated = {key: one for key, one in cases.items() if not key.startswith(IN_MM)}
-    parts = ["## Counts", _counts(simulated, beside), "## Cases", _table(simulated, beside)] if simulated else []
-    others = {key: one for key, one in cases.items() if key not in simulated}
-    return "\n\n".join([*parts, *(["## Loop and real arm, mm", _table_in_mm(others, beside)] if others else [])])
+    others = {key: [one] for key, one in cases.items() if key not in simulated}
+    groups: dict[str, list[Record]] = {}
+    for key, one in simulated.items():
+        groups.setdefault(group_of(key), []).append(one)
+    parts = []
+    if simulated:
+        counts = table("worlds", {**groups, "all": [*simulated.values()]}, COUNTS)
+        parts += ["## Counts", counts, "## Cases", table("case", {key: [one] for key, one in simulated.items()}, CASES)]
+    return "\n\n".join([*parts, *(["## Loop and real arm, mm", table("case", others, IN_MM_CASES)] if others else [])])
 
 
 def group_of(key: str) -> str:
@@ -62,111 +71,91 @@ def group_of(key: str) -> str:
     return part if part == "lean" else f"{part}, {catalogue}, {poses} poses"
 
 
-def _counts(cases: Cases, beside: Cases) -> str:
-    groups: dict[str, list[str]] = {}
-    for key in cases:
-        groups.setdefault(group_of(key), []).append(key)
-    groups["all"] = [*cases]
-    rows = []
-    for group, keys in groups.items():
-        rows.append((group, "now", *_count(cases, keys)))
-        if both := [key for key in keys if key in beside]:
-            if len(both) < len(keys):
-                rows.append((group, "now, of those then", *_count(cases, both)))
-            rows.append((group, "then", *_count(beside, both)))
-    head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"never off > {WORSE} ×")
-    more = ("median ratio", "worst", "before × noise", "after × noise", "worst after", f"stated off by > {OFF:.0%}")
-    return markdown_table((*head, *more, f"error > {SURE:g} × its sd"), rows)
+def _known(value: Value, found: Found) -> list[float]:
+    return [known for one in found if (known := value(one)) is not None]
 
 
-def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
-    ran = [cases[key] for key in keys if "trouble" not in cases[key]]
-    ratios = np.array([ratio(one) for one in ran], dtype=float)
-    never_off = np.array([ratio(one, "_recorded") for one in ran], dtype=float)
-    before, after = (np.array([one[f"{when}_mm"] for one in ran]) / NOISE_MM for when in ("before", "after"))
-    yield from (str(len(keys)), str(len(keys) - len(ran)))
-    yield from (str(int(np.sum(of > by))) for of, by in ((ratios, WORSE), (ratios, WORSE_BEYOND), (never_off, WORSE)))
-    if ran:
-        figures = (np.median(ratios), ratios.max(), np.median(before), np.median(after), after.max())
-        yield from (f"{value:.2f}" for value in figures)
-    else:
-        yield from "–" * 5
-    known = [off for one in ran if (off := stated_off(one)) is not None]
-    yield f"{sum(abs(off) > OFF for off in known)} of {len(known)}" if known else "–"
-    sure = [over for one in ran if (over := over_stated_sd(one)) is not None]
-    yield f"{sum(over > SURE for over in sure)} of {len(sure)}" if sure else "–"
+def _over(value: Value, statistic: Callable[[list[float]], float] = median) -> Callable[[Found], str]:
+    """A statistic of what is known; of one record its value."""
+
+    def of(found: Found) -> str:
+        known = _known(value, found)
+        return f"{statistic(known):.2f}" if known else NOT_KNOWN
+
+    return of
 
 
-def _table(cases: Cases, beside: Cases) -> str:
-    head = (
-        "case",
-        "hidden",
-        "before × noise",
-        "after × noise",
-        "ratio",
-        "never off × noise",
-        "its ratio",
-        "shown × noise",
-        "stated × noise",
-        "error / its sd",
-        "named",
-        "verdict",
-    )
-    more = ("then before", "then after", "then ratio", "then named") if beside else ()
-    rows = []
-    for key, record in cases.items():
-        then = _then(beside.get(key)) if beside else ()
-        if "trouble" in record:
-            rows.append((key, record.get("hidden", ""), *("–",) * 9, record["trouble"].replace("|", "/"), *then))
-            continue
-        floor = f" (floor {record['floor_mm'] / NOISE_MM:.2f})" if "floor_mm" in record else ""
-        figures = [f"{record[name] / NOISE_MM:.2f}" for name in ("before_mm", "after_mm", "shown_after_mm")]
-        figures[1] += floor
-        stated = f"{record['stated_after_mm'] / NOISE_MM:.2f}" if "stated_after_mm" in record else "–"
-        never_off = f"{record['after_recorded_mm'] / NOISE_MM:.2f}", f"{ratio(record, '_recorded'):.2f}"
-        own = (
-            *figures[:2],
-            f"{ratio(record):.2f}",
-            *never_off,
-            figures[2],
-            stated,
-            "–" if (over := over_stated_sd(record)) is None else f"{over:.2f}",
-            steps_words(record),
-            record["verdict"],
-        )
-        rows.append((key, record["hidden"], *own, *then))
-    return markdown_table((*head, *more), rows)
+def _beyond(value: Value, limit: float) -> Callable[[Found], str]:
+    """How many of those that are known are farther from zero than a limit."""
+
+    def of(found: Found) -> str:
+        known = _known(value, found)
+        return f"{sum(abs(one) > limit for one in known)} of {len(known)}" if known else NOT_KNOWN
+
+    return of
 
 
-def _table_in_mm(cases: Cases, beside: Cases) -> str:
-    """Cases whose noise is another: RMS in mm, over the floor where there is one."""
-    head = ("case", "hidden", "before", "after", "floor", "after / floor", "shown before", "shown after", "named")
-    names = ("before_mm", "after_mm", "floor_mm", "over", "shown_before_mm", "shown_after_mm")
-    rows = []
-    for key, one in cases.items():
-        over = {"over": one["after_mm"] / one["floor_mm"]} if "floor_mm" in one else {}
-        figures = [_figure(one | over, name) for name in names]
-        for column, name in enumerate(names[:2]):
-            if name in (then := beside.get(key, {})):
-                figures[column] += f" (then {_figure(then, name)})"
-        rows.append((key, one.get("hidden", ""), *figures, one.get("trouble") or _named(one)))
-    return markdown_table(head, rows)
+def _error(name: str, unit_mm: float = NOISE_MM) -> Value:
+    """An error over a unit, where a record has it."""
+    return lambda one: None if name not in one else float(one[name] / unit_mm)
 
 
-def _figure(record: Record, name: str) -> str:
-    return f"{record[name]:.2f}" if name in record else "–"
+def _over_floor(one: Record) -> float | None:
+    return None if "floor_mm" not in one else float(one["after_mm"] / one["floor_mm"])
 
 
-def _named(record: Record) -> str:
-    """Steps of one run, or how often folds chose each name."""
-    if "chosen" not in record:
-        return steps_words(record)
-    counted = Counter(name for names in record["chosen"] for name in names)
+def _never_off(one: Record) -> float | None:
+    return ratio(one, "_recorded")
+
+
+def _named(found: Found) -> str:
+    """Steps of one run, how often folds chose each name, or what went wrong."""
+    [one] = found
+    if "trouble" in one:
+        return str(one["trouble"]).replace("|", "/")
+    if "chosen" not in one:
+        return steps_words(one)
+    counted = Counter(name for names in one["chosen"] for name in names)
     return ", ".join(f"{name} ×{count}" for name, count in counted.most_common())
 
 
-def _then(record: Record | None) -> tuple[str, ...]:
-    if record is None or "trouble" in record:
-        return ("–",) * 4
-    figures = (record["before_mm"] / NOISE_MM, record["after_mm"] / NOISE_MM, ratio(record))
-    return (*(f"{value:.2f}" for value in figures), steps_words(record))
+COUNTS: Columns = {
+    "number": lambda found: str(len(found)),
+    "failed": lambda found: str(sum("trouble" in one for one in found)),
+    f"> {WORSE} ×": _beyond(ratio, WORSE),
+    f"> {WORSE_BEYOND} ×": _beyond(ratio, WORSE_BEYOND),
+    f"never off > {WORSE} ×": _beyond(_never_off, WORSE),
+    "median ratio": _over(ratio),
+    "worst": _over(ratio, max),
+    "before × noise": _over(_error("before_mm")),
+    "after × noise": _over(_error("after_mm")),
+    "worst after": _over(_error("after_mm"), max),
+    f"stated off by > {OFF:.0%}": _beyond(stated_off, OFF),
+    f"error > {SURE:g} × its sd": _beyond(over_stated_sd, SURE),
+}
+HIDDEN: Columns = {"hidden": lambda found: str(found[0].get("hidden", ""))}
+CASES: Columns = {
+    **HIDDEN,
+    "before × noise": _over(_error("before_mm")),
+    "after × noise": _over(_error("after_mm")),
+    "floor × noise": _over(_error("floor_mm")),
+    "ratio": _over(ratio),
+    "never off × noise": _over(_error("after_recorded_mm")),
+    "its ratio": _over(_never_off),
+    "shown × noise": _over(_error("shown_after_mm")),
+    "stated × noise": _over(_error("stated_after_mm")),
+    "error / its sd": _over(over_stated_sd),
+    "named": _named,
+    "verdict": lambda found: str(found[0].get("verdict", NOT_KNOWN)),
+}
+IN_MM_CASES: Columns = {
+    **HIDDEN,
+    "before": _over(_error("before_mm", 1.0)),
+    "after": _over(_error("after_mm", 1.0)),
+    "floor": _over(_error("floor_mm", 1.0)),
+    "after / floor": _over(_over_floor),
+    "shown before": _over(_error("shown_before_mm", 1.0)),
+    "shown after": _over(_error("shown_after_mm", 1.0)),
+    "named": _named,
+}
+"""Cases whose noise is another: RMS in mm, over the floor where there is one."""
