@@ -9,10 +9,10 @@ import pytest
 
 from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
+from validation.as_deployed.half_range import HalfRange
 from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.outcome import examined, ratio
 from validation.as_deployed.passing_world import PassingWorld
-from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.recording import FRESH, in_shown_frame
 from validation.as_deployed.results import line_of, report, results_file
 from validation.as_deployed.worlds import PARTS, OngoingCase, cases_of

@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arrays import Array
-from validation.as_deployed.pose_choice import PoseChoice
+from validation.as_deployed.half_range import HalfRange
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
 from validation.hidden_effects.case import DEG, FIRST_SEED, Case, hidden, of_part, stable_seed, together
 from validation.hidden_effects.cases import CASES, SINGLE
 from validation.hidden_effects.catalogue import UNFAMILIAR
-from validation.hidden_effects.data import BREAK_S, true_arm, with_outliers_of
+from validation.hidden_effects.data import BREAK_S, drawn_poses, true_arm, with_outliers_of
 from validation.synthetic import (
     LiftingBase,
     Schedule,
@@ -27,21 +27,23 @@ from validation.synthetic.hidden_links import LooseBase, RockingFeet
 from validation.synthetic.hidden_tracker import DepthTracker, FoamMat, LensTracker
 
 MEASURING_S, PACE_S = 4500.0, 15.0
-ANY_POSES, LEVEL = PoseChoice(), np.zeros(3)
+LEVEL = np.zeros(3)
 PHYSICAL = (FoamMat,)
 
 
 def recording_of(
-    case: Case, seed: int, poses: int, choice: PoseChoice = ANY_POSES, gravity_turn_rad: Array = LEVEL
+    case: Case, seed: int, poses: int, half: HalfRange | None = None, gravity_turn_rad: Array = LEVEL
 ) -> WorldRecording:
     """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed.
 
-    `gravity_turn_rad`: (3,), rotation vector by which gravity is tilted in the frame of measurement.
+    half: of a joint's range that alone is measured; fresh poses lie in the other. gravity_turn_rad: (3,), rotation
+    vector by which gravity is tilted in the frame of measurement.
     """
     number, arm = FIRST_SEED[case.part] + seed, load_arm(case.arm_file).tilted(gravity_turn_rad)
     truth = true_arm(case, number, arm)
     seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
-    q = np.vstack([choice.measured(case, arm, seeds[0], poses), choice.fresh(case, arm, seeds[1], FRESH)])
+    measured, fresh = (drawn_poses, drawn_poses) if half is None else (half.poses, half.other.poses)
+    q = np.vstack([measured(case, arm, seeds[0], poses), fresh(case, arm, seeds[1], FRESH)])
     load = np.random.default_rng(seeds[2]).choice(case.loads_kg, size=len(q))
     plan = WorldPlan(q, load, continued_schedule(poses, case.sessions, q.shape[1]), poses)
     run = recorded(case.arm_file, arm, truth, plan, seeds[3], PHYSICAL)

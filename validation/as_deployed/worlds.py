@@ -9,9 +9,9 @@ from functools import partial
 from lrm_ident.fitting.cross_validation import FOLDS
 from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
+from validation.as_deployed.half_range import HalfRange
 from validation.as_deployed.leaning import SEEDS, Lean, leaning_recording
 from validation.as_deployed.loop import POSES
-from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.real_arm import REAL
 from validation.as_deployed.recording import OngoingWorld, WorldRecording
 from validation.hidden_effects.case import Case
