@@ -177,7 +177,7 @@ real-data: setup ## our held-out error on public measurements of real arms besid
 	$(ONE_THREAD) $(BIN)/python -m validation.real_data $(if $(MIRROR),--mirror $(MIRROR))
 
 touches-public: setup ## public touches as a file: DATA=clone/data/ARM ARM=arm.toml OUT=touches.csv [PLACEMENTS=] [WITHOUT=]
-	$(BIN)/python -m validation.touched_points.public_recordings $(DATA) $(ARM) -o $(OUT) --placements "$(PLACEMENTS)" --without "$(WITHOUT)"
+	$(BIN)/python -m validation.real_data.public_touches $(DATA) $(ARM) -o $(OUT) --placements "$(PLACEMENTS)" --without "$(WITHOUT)"
 
 tutorial: setup ## the pictures of docs/tutorial.md, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures

@@ -22,11 +22,6 @@ JOINTS = (2, 3, 4)
 COUNTS = (300, 80)
 
 
-def _truth(case: Case) -> str:
-    truths = case.truths
-    return "no name fits" if truths is None else " + ".join(" or ".join(sorted(one)) for one in truths) or "nothing"
-
-
 def _half_measured(number: int, case: Case) -> OngoingWorld:
     """Joints 2, 3 and 4 in turn over cases and seeds, so that seeds 0, 1, 2 give each case every joint; of an arm with
     fewer joints the last."""
@@ -36,12 +31,12 @@ def _half_measured(number: int, case: Case) -> OngoingWorld:
         joint = min(JOINTS[(number + seed) % len(JOINTS)], len(load_arm(case.arm_file).links))
         return recording_of(case, seed, poses, HalfRange(joint, side))
 
-    return OngoingWorld.of(_truth(case), record)
+    return OngoingWorld.of(case.truth_words, record)
 
 
 WORLDS: dict[str, dict[str, OngoingWorld]] = {
     "catalogue": {
-        **{name: OngoingWorld.of(_truth(case), partial(recording_of, case)) for name, case in CATALOGUE.items()},
+        **{name: OngoingWorld.of(case.truth_words, partial(recording_of, case)) for name, case in CATALOGUE.items()},
         **{name: OngoingWorld.of(case.name, partial(fault_recording, case)) for name, case in FAULTS.items()},
     },
     "lean": {"lean": OngoingWorld(lambda seed: Lean.of(seed).words, lambda seed, _: leaning_recording(seed))},

@@ -101,6 +101,13 @@ class Case:
         return None if self.truths is None else tuple(name for right in self.truths for name in sorted(right))
 
     @property
+    def truth_words(self) -> str:
+        """The same, for a table."""
+        if self.truths is None:
+            return "no name fits"
+        return " + ".join(" or ".join(sorted(right)) for right in self.truths) or "nothing"
+
+    @property
     def arm_file(self) -> Path:
         """The description of the arm."""
         return ARM_FILE if self.arm == LAB else ARMS / f"{self.arm}.toml"

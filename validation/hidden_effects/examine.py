@@ -33,8 +33,8 @@ from validation.hidden_effects.case import (
 )
 from validation.hidden_effects.catalogue import EVERY
 from validation.hidden_effects.data import NOISE_M, dataset, spoiled, write_case, write_data
-from validation.hidden_effects.intervals import deviations
 from validation.hidden_effects.outcome import FLOOR_MM, Outcome
+from validation.hidden_effects.true_parameters import deviations
 
 Task = tuple[str, int, str]
 """Key of a case, seed, and another arm than the case's, or ""."""

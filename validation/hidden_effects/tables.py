@@ -34,13 +34,6 @@ def report(outcomes: Found, title: str) -> str:
     return "\n\n".join([*parts, *(["## Failures", failures] if bad else [])]) + "\n"
 
 
-def truth_text(case: Case) -> str:
-    """The names of the truth."""
-    if case.truths is None:
-        return "no name fits"
-    return " + ".join(" or ".join(sorted(right)) for right in case.truths) or "–"
-
-
 def _by(outcomes: Found, name_of: Callable[[Case], str]) -> dict[str, Found]:
     groups: dict[str, list[Outcome]] = {}
     for one in outcomes:
@@ -83,7 +76,7 @@ COUNTS: Columns = {
 }
 TOTALS: Columns = {"data sets": lambda found: str(len(found)), **COUNTS, "95 % intervals that hold the truth": _held}
 CASES: Columns = {
-    "truth": lambda found: truth_text(found[0].of),
+    "truth": lambda found: found[0].of.truth_words,
     **COUNTS,
     "named": _counted(_named),
     "verdict": _counted(lambda one: one.trouble or one.verdict),

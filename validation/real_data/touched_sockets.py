@@ -27,9 +27,9 @@ from lrm_math.arrays import Array
 from lrm_math.effects.tracker_errors import TouchedPoint
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from validation.real_data.public_touches import DISTANCE_MM, touches
 from validation.real_data.rivals import BLACK_BOXES, OURS, RIGID
 from validation.real_data.sources import fetched
-from validation.touched_points.public_recordings import DISTANCE_MM, touches
 
 HOLES = ("hole_0.csv", "hole_1.csv")
 

@@ -1,1 +1,1 @@
-"""The workbench in a real browser: pictures of the tutorial, and how fast it is."""
+"""The workbench in a real browser: pictures of the tutorial, of README and of the site."""

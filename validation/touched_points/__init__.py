@@ -1,1 +1,0 @@
-"""Calibration by touched sockets: on public recordings of other arms, and on simulated ones."""
