@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from urllib.error import URLError
@@ -27,6 +28,11 @@ from validation.real_data.touched_sockets import HOLES, TouchSource
 SOURCE = SOURCES[0]
 
 
+def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
+    monkeypatch.setattr(sys, "argv", ["real_data", *words])
+    main()
+
+
 def test_without_a_network_it_is_skipped_and_the_reason_printed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -36,11 +42,11 @@ def test_without_a_network_it_is_skipped_and_the_reason_printed(
         raise URLError("no route to host")
 
     monkeypatch.setattr(sources, "urlopen", unreachable)
-    main([])
+    run(monkeypatch)
     said = capsys.readouterr().out
     assert said.count("skipped: https://") == len(SOURCES)
     assert "no route to host; give --mirror FOLDER where there is no network" in said
-    main(["--mirror", str(tmp_path)])
+    run(monkeypatch, "--mirror", str(tmp_path))
     assert "skipped: no " in capsys.readouterr().out
 
 
@@ -62,7 +68,7 @@ def test_a_mirror_is_read_and_every_method_has_a_figure(
     path = tmp_path / SOURCE.repository / SOURCE.path
     path.parent.mkdir(parents=True)
     path.write_text("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
-    main(["--mirror", str(tmp_path)])
+    run(monkeypatch, "--mirror", str(tmp_path))
     figures = [float(line.split()[-5]) for line in capsys.readouterr().out.splitlines() if "held out" in line]
     assert len(figures) == 5
     drawn, rigid, *_, ours = figures
@@ -94,7 +100,7 @@ def test_placements_that_no_method_saw_are_predicted(
     (root / source.urdf).write_text(text)
     own = replace(source, placements=tuple(STANDS), tip="tcp")
     monkeypatch.setattr(program, "SOURCES", (own,))
-    main(["--mirror", str(tmp_path)])
+    run(monkeypatch, "--mirror", str(tmp_path))
     drawn, rigid, *_, ours = (float(line.split()[-5]) for line in capsys.readouterr().out.splitlines()[1:])
     assert drawn > 1.0
     assert rigid < 0.5 * drawn

@@ -8,9 +8,9 @@ printed.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
+from validation.options import asked
 from validation.real_data.grids import GridSource, nominal_and_difference
 from validation.real_data.sources import NotReachable
 from validation.real_data.touched_sockets import TouchSource
@@ -51,16 +51,17 @@ SOURCES = (
 )  # fmt: skip
 
 
-def main(words: list[str] | None = None) -> None:
+def main() -> None:
     """Prints one table for each data set that can be had."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--mirror", type=Path, help="folder with OWNER/NAME/PATH of the files, in place of the network")
-    parser.add_argument("--poses", type=int, help="at most so many poses of each data set, or touches of each socket")
-    options = parser.parse_args(words)
+    options = asked(
+        __doc__,
+        mirror=(None, "folder with OWNER/NAME/PATH of the files, in place of the network"),
+        poses=(0, "at most so many poses of each data set, or touches of each socket; 0: all"),
+    )
     for source in SOURCES:
         print(f"{source.repository} {source.path}, {source.licence}, {source.author}", flush=True)
         try:
-            found = source.held_out(options.mirror, options.poses)
+            found = source.held_out(options.mirror, options.poses or None)
         except NotReachable as why:
             print(f"  skipped: {why}; give --mirror FOLDER where there is no network")
             continue
