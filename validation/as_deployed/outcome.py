@@ -20,7 +20,7 @@ from lrm_math.model.deployed_model import as_deployed, as_deployed_at, deployed_
 from lrm_math.model.equilibrium import Equilibrium, batch_equilibrium
 from lrm_math.model.uncertainty import prediction_covariance
 from lrm_math.model.unseen_states import beyond_session
-from validation.as_deployed.recording import WorldRecording, as_known_to_a_rover, in_shown_frame
+from validation.as_deployed.recording import WorldRecording, as_known_to_a_rover
 from validation.hidden_effects.data import NOISE_M
 
 NOISE_MM = 1e3 * NOISE_M * float(np.sqrt(3.0))
@@ -34,8 +34,8 @@ def examined(run: WorldRecording, floor: bool = False) -> Record:
 
     Keys, with WHEN = `before` (the plain fit), `after` (`auto`), `floor` (the plain fit that knows gravity), each after
     a restart, when nothing is known of before; `before_recorded`, `after_recorded`: by a daemon that was never off.
-        WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise.
-        WHEN_aligned_mm: RMS after the best rigid alignment of those poses. WHEN_unsettled: poses without equilibrium.
+        WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise. WHEN_unsettled: poses
+            without equilibrium.
         WHEN_sd_mm: RMS standard deviation that the daemon states there.
         shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed;
             stated_restarted_WHEN_mm: where nothing is known of before.
@@ -75,13 +75,10 @@ def _errors(when: str, study: Study, fresh: Poses, tips_m: Array) -> Record:
     """Errors at fresh poses as deployed; `unsettled` counts those that the model has no equilibrium for."""
     deployed = as_deployed_at(study.model, fresh)
     settled, rows = batch_equilibrium(deployed, fresh)
-    tips = tips_m[rows]
-    error = settled.tcp - tips
-    aligned = in_shown_frame(settled.tcp, tips, settled.tcp) - tips
+    error = settled.tcp - tips_m[rows]
     found = {
         f"{when}_mm": _short(1e3 * error_stats(error).rms),
         f"{when}_max_mm": _short(1e3 * error_stats(error).max),
-        f"{when}_aligned_mm": _short(1e3 * error_stats(aligned).rms),
         **_stated_sd(when, study, settled),
     }
     return found if len(rows) == len(fresh) else found | {f"{when}_unsettled": len(fresh) - len(rows)}
