@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import median
 
 from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, over_stated_sd, ratio, stated_off
 from validation.runner import ResultsFile
-from validation.tables import table
+from validation.tables import NOT_KNOWN, Column, Value, beyond, figure, grouped, table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
@@ -18,11 +17,9 @@ OFF = 0.1
 SURE = 2.0
 """Standard deviations that an error exceeds rarely: two as of a Gaussian."""
 IN_MM = ("loop/", "real/")
-NOT_KNOWN = "–"
 Cases = Mapping[str, Record]
 Found = Sequence[Record]
-Value = Callable[[Record], float | None]
-Columns = Mapping[str, Callable[[Found], str]]
+Columns = Mapping[str, Column[Record]]
 
 
 def results_file(path: Path) -> ResultsFile[Record]:
@@ -53,9 +50,7 @@ def report(cases: Cases) -> str:
     """Counts by part, then every case as Markdown."""
     simulated = {key: one for key, one in cases.items() if not key.startswith(IN_MM)}
     others = {key: [one] for key, one in cases.items() if key not in simulated}
-    groups: dict[str, list[Record]] = {}
-    for key, one in simulated.items():
-        groups.setdefault(group_of(key), []).append(one)
+    groups = {name: [simulated[key] for key in keys] for name, keys in grouped(simulated, group_of).items()}
     parts = []
     if simulated:
         counts = table("worlds", {**groups, "all": [*simulated.values()]}, COUNTS)
@@ -71,31 +66,7 @@ def group_of(key: str) -> str:
     return part if part == "lean" else f"{part}, {catalogue}, {poses} poses"
 
 
-def _known(value: Value, found: Found) -> list[float]:
-    return [known for one in found if (known := value(one)) is not None]
-
-
-def _over(value: Value, statistic: Callable[[list[float]], float] = median) -> Callable[[Found], str]:
-    """A statistic of what is known; of one record its value."""
-
-    def of(found: Found) -> str:
-        known = _known(value, found)
-        return f"{statistic(known):.2f}" if known else NOT_KNOWN
-
-    return of
-
-
-def _beyond(value: Value, limit: float) -> Callable[[Found], str]:
-    """How many of those that are known are farther from zero than a limit."""
-
-    def of(found: Found) -> str:
-        known = _known(value, found)
-        return f"{sum(abs(one) > limit for one in known)} of {len(known)}" if known else NOT_KNOWN
-
-    return of
-
-
-def _error(name: str, unit_mm: float = NOISE_MM) -> Value:
+def _error(name: str, unit_mm: float = NOISE_MM) -> Value[Record]:
     """An error over a unit, where a record has it."""
     return lambda one: None if name not in one else float(one[name] / unit_mm)
 
@@ -122,40 +93,40 @@ def _named(found: Found) -> str:
 COUNTS: Columns = {
     "number": lambda found: str(len(found)),
     "failed": lambda found: str(sum("trouble" in one for one in found)),
-    f"> {WORSE} ×": _beyond(ratio, WORSE),
-    f"> {WORSE_BEYOND} ×": _beyond(ratio, WORSE_BEYOND),
-    f"never off > {WORSE} ×": _beyond(_never_off, WORSE),
-    "median ratio": _over(ratio),
-    "worst": _over(ratio, max),
-    "before × noise": _over(_error("before_mm")),
-    "after × noise": _over(_error("after_mm")),
-    "worst after": _over(_error("after_mm"), max),
-    f"stated off by > {OFF:.0%}": _beyond(stated_off, OFF),
-    f"error > {SURE:g} × its sd": _beyond(over_stated_sd, SURE),
+    f"> {WORSE} ×": beyond(ratio, WORSE),
+    f"> {WORSE_BEYOND} ×": beyond(ratio, WORSE_BEYOND),
+    f"never off > {WORSE} ×": beyond(_never_off, WORSE),
+    "median ratio": figure(ratio),
+    "worst": figure(ratio, max),
+    "before × noise": figure(_error("before_mm")),
+    "after × noise": figure(_error("after_mm")),
+    "worst after": figure(_error("after_mm"), max),
+    f"stated off by > {OFF:.0%}": beyond(stated_off, OFF),
+    f"error > {SURE:g} × its sd": beyond(over_stated_sd, SURE),
 }
 HIDDEN: Columns = {"hidden": lambda found: str(found[0].get("hidden", ""))}
 CASES: Columns = {
     **HIDDEN,
-    "before × noise": _over(_error("before_mm")),
-    "after × noise": _over(_error("after_mm")),
-    "floor × noise": _over(_error("floor_mm")),
-    "ratio": _over(ratio),
-    "never off × noise": _over(_error("after_recorded_mm")),
-    "its ratio": _over(_never_off),
-    "shown × noise": _over(_error("shown_after_mm")),
-    "stated × noise": _over(_error("stated_after_mm")),
-    "error / its sd": _over(over_stated_sd),
+    "before × noise": figure(_error("before_mm")),
+    "after × noise": figure(_error("after_mm")),
+    "floor × noise": figure(_error("floor_mm")),
+    "ratio": figure(ratio),
+    "never off × noise": figure(_error("after_recorded_mm")),
+    "its ratio": figure(_never_off),
+    "shown × noise": figure(_error("shown_after_mm")),
+    "stated × noise": figure(_error("stated_after_mm")),
+    "error / its sd": figure(over_stated_sd),
     "named": _named,
     "verdict": lambda found: str(found[0].get("verdict", NOT_KNOWN)),
 }
 IN_MM_CASES: Columns = {
     **HIDDEN,
-    "before": _over(_error("before_mm", 1.0)),
-    "after": _over(_error("after_mm", 1.0)),
-    "floor": _over(_error("floor_mm", 1.0)),
-    "after / floor": _over(_over_floor),
-    "shown before": _over(_error("shown_before_mm", 1.0)),
-    "shown after": _over(_error("shown_after_mm", 1.0)),
+    "before": figure(_error("before_mm", 1.0)),
+    "after": figure(_error("after_mm", 1.0)),
+    "floor": figure(_error("floor_mm", 1.0)),
+    "after / floor": figure(_over_floor),
+    "shown before": figure(_error("shown_before_mm", 1.0)),
+    "shown after": figure(_error("shown_after_mm", 1.0)),
     "named": _named,
 }
 """Cases whose noise is another: RMS in mm, over the floor where there is one."""

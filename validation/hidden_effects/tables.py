@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from validation.hidden_effects.case import Case
 from validation.hidden_effects.outcome import FLOOR_MM, NEAR_NOISE, Judgement, Outcome
 from validation.interval_coverage import TWO_SIDED_95
-from validation.tables import share, spread, table
+from validation.tables import NOT_KNOWN, Column, counted, grouped, share, spread, table
 
 Found = Sequence[Outcome]
-Columns = Mapping[str, Callable[[Found], str]]
+Columns = Mapping[str, Column[Outcome]]
 WORDS = (
     f"Independent generator (`validation.synthetic`), noise 0.3 mm per axis (floor {FLOOR_MM:.2f} mm RMS). *Right*: "
     "every hidden cause is named, alone or in its class, or rightly none. *Honest*: not right, and nothing false. "
@@ -27,58 +26,40 @@ WORDS = (
 
 def report(outcomes: Found, title: str) -> str:
     """Tables of some outcomes."""
-    parts = [f"# {title}", WORDS, table("hidden", _groups(outcomes), TOTALS)]
-    parts += ["## Cases", table("case", _by(outcomes, lambda case: case.name), CASES)]
+    groups = {**grouped(outcomes, lambda one: one.of.group), "all": outcomes}
+    parts = [f"# {title}", WORDS, table("hidden", groups, TOTALS)]
+    parts += ["## Cases", table("case", grouped(outcomes, lambda one: one.of.name), CASES)]
     bad = Counter(one.trouble.replace("|", "/") for one in outcomes if one.trouble)
     failures = "\n".join(f"- {count} × {trouble}" for trouble, count in bad.most_common())
     return "\n\n".join([*parts, *(["## Failures", failures] if bad else [])]) + "\n"
 
 
-def _by(outcomes: Found, name_of: Callable[[Case], str]) -> dict[str, Found]:
-    groups: dict[str, list[Outcome]] = {}
-    for one in outcomes:
-        groups.setdefault(name_of(one.of), []).append(one)
-    return dict(groups)
-
-
-def _groups(outcomes: Found) -> dict[str, Found]:
-    return {**_by(outcomes, lambda case: case.group), "all": outcomes}
-
-
-def _judged(judgement: Judgement) -> Callable[[Found], str]:
-    return lambda found: share(one.judgement is judgement for one in found)
-
-
-def _counted(word: Callable[[Outcome], str]) -> Callable[[Found], str]:
-    def of(found: Found) -> str:
-        counts = Counter(word(one).replace("|", "/") for one in found)
-        return "; ".join(f"{word} ×{count}" for word, count in counts.most_common())
-
-    return of
+def _judged(judgement: Judgement) -> Column[Outcome]:
+    return share(lambda one: one.judgement is judgement)
 
 
 def _named(one: Outcome) -> str:
     """First names of the steps' classes."""
     names = zip((step[0] for step in one.steps), one.findings, strict=True)
-    return " > ".join(name if finding else f"({name})" for name, finding in names) or "–"
+    return " > ".join(name if finding else f"({name})" for name, finding in names) or NOT_KNOWN
 
 
 def _held(found: Found) -> str:
     z = np.abs([z for one in found for z in one.z])
-    return f"{(z < TWO_SIDED_95).sum()} of {len(z)}" if len(z) else "–"
+    return f"{(z < TWO_SIDED_95).sum()} of {len(z)}" if len(z) else NOT_KNOWN
 
 
 COUNTS: Columns = {
     **{str(judgement): _judged(judgement) for judgement in Judgement},
-    "a false name": lambda found: share(bool(one.false_names) for one in found),
-    "ratio": lambda found: spread((one.ratio for one in found), 2),
-    "s": lambda found: spread((one.seconds for one in found), 1),
+    "a false name": share(lambda one: bool(one.false_names)),
+    "ratio": spread(lambda one: one.ratio, 2),
+    "s": spread(lambda one: one.seconds, 1),
 }
 TOTALS: Columns = {"data sets": lambda found: str(len(found)), **COUNTS, "95 % intervals that hold the truth": _held}
 CASES: Columns = {
     "truth": lambda found: found[0].of.truth_words,
     **COUNTS,
-    "named": _counted(_named),
-    "verdict": _counted(lambda one: one.trouble or one.verdict),
-    "z": lambda found: " ".join(f"{z:+.1f}" for one in found for z in one.z) or "–",
+    "named": counted(_named),
+    "verdict": counted(lambda one: one.trouble or one.verdict),
+    "z": lambda found: " ".join(f"{z:+.1f}" for one in found for z in one.z) or NOT_KNOWN,
 }
