@@ -15,7 +15,8 @@ Found = Sequence[Outcome]
 Columns = Mapping[str, Column[Outcome]]
 WORDS = (
     f"Independent generator (`validation.synthetic`), noise 0.3 mm per axis (floor {FLOOR_MM:.2f} mm RMS). *Right*: "
-    "every hidden cause is named, alone or in its class, or rightly none. *Honest*: not right, and nothing false. "
+    "every hidden cause is named, alone or in its class, or rightly none (the part `named` ends after its first name). "
+    "*Honest*: not right, and nothing false. "
     "*False*: a cause is identified that is none, or *nothing is missing* is printed at a ratio above "
     f"{NEAR_NOISE:.2f}. *A false name*: a step in whose class there is no truth, whatever is said of it; freed offsets "
     "and compliances are always true. *Named*: steps in their order; in brackets those that are no identified cause. "
