@@ -24,7 +24,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory real-data touches-public tutorial closed-loop motion swing as-deployed readability json-numbers lerobot doors hashes pictures install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak soak-laws soak-daemon soak-kernel soak-attacks wheels integrations coverage camera confusion unfamiliar memory real-data touches-public tutorial closed-loop motion swing as-deployed readability json-numbers transfer lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -154,6 +154,9 @@ soak-attacks: setup ## attacks and legal clients for MINUTES=10 each, a campaign
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.legal_clients $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
 
+transfer: setup ## 20 simulated arms, calibrated on the rig, identified on the rover from 0, 3, 6 and 12 poses (five minutes)
+	$(ONE_THREAD) $(BIN)/python -m validation.transfer --seeds 20
+
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt hatchling ziglang
 	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . || exit 1; done
@@ -214,9 +217,10 @@ memory: setup ## worlds that creep, warm under load and slip, and worlds that do
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2
 
-lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, and its follower from both sides (LEROBOT_PYTHON=)
+lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, its follower from both sides, and its record_loop on simulated arms (LEROBOT_PYTHON=)
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot
+	$(if $(filter 0.4.%,$(LEROBOT)),,PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot.recording)
 
 $(LEROBOT_VENV)/.ready: pyproject.toml integrations/lerobot_robot_lrm/pyproject.toml hatch_build.py
 	@test -n "$(LEROBOT_PYTHON)" || { echo "LeRobot $(LEROBOT) needs Python 3.12, LeRobot 0.4 Python 3.11; set LEROBOT_PYTHON="; exit 1; }
