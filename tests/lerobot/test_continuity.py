@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from examples.so101.hidden_arm import ARM_FILE, hidden_truth, tip_after
+from examples.so101.hidden_arm import ARM_FILE, HIDDEN, hidden_truth, tip_after
 from lerobot_robot_lrm import bounded
 from lerobot_robot_lrm.bounded import CREEP, FARTHEST, RATE, REVERSAL, bounded_command
 from lerobot_robot_lrm.correction import Corrected, Correction
@@ -47,10 +47,13 @@ def test_commands_follow_small_steps_by_small_steps(arm: str, model: int, seed: 
     assert found.undirected_ratio <= 1.0 + RATE + CREEP / np.radians(0.1) + 1e-9
 
 
-def test_so_do_those_of_a_fitted_model_and_the_hidden_arm_is_nearer_to_its_goals(tmp_path: Path) -> None:
+@pytest.mark.parametrize("effect", HIDDEN)
+def test_so_do_those_of_a_fitted_model_and_the_hidden_arm_is_nearer_to_its_goals(effect: str, tmp_path: Path) -> None:
+    """The median error is below 0.5 mm. A tracker's noise on one fitted pose is 0.35 mm (0.2 per axis); bounds on steps
+    may add a little. Found: 0.08 (gain), 0.12 (play), 0.19 (friction), up to 0.21 with other seeds."""
     described = described_arm(ARM_FILE)
-    truth, drawn = hidden_truth(described, "friction", 1), GroundTruth.nominal(described)
-    correction = Correction.of_file(fit_hidden(truth, "friction", 1, tmp_path))
+    truth, drawn = hidden_truth(described, effect, 1), GroundTruth.nominal(described)
+    correction = Correction.of_file(fit_hidden(truth, effect, 1, tmp_path))
     rng, found, without, left = np.random.default_rng(57), PathFigures(), [], []
     for _ in range(4):
         path = random_path(*correction.limits, rng)
@@ -59,7 +62,7 @@ def test_so_do_those_of_a_fitted_model_and_the_hidden_arm_is_nearer_to_its_goals
             errors.append(1e3 * np.linalg.norm(tip_after(described, truth, sent) - goal))
     assert found.farthest <= FARTHEST + 1e-9
     assert found.undirected_ratio <= 1.0 + RATE + CREEP / np.radians(0.1) + 1e-9
-    assert np.median(left) < 1.0 < 5.0 < np.median(without)
+    assert np.median(left) < 0.5 < 5.0 < np.median(without)
 
 
 @given(arm=st.sampled_from(ARMS), model=st.integers(0, 9), seed=st.integers(0, 10_000))

@@ -97,6 +97,17 @@ def test_measurements(tmp_path: Path, name: str) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["data.csv"]
 
 
+@pytest.mark.parametrize(
+    "cell", ["n/a", "--", "12,5", "1O", "true", "'7'", "1.2.3", "#REF!", "1e999", "-inf", "1 2", "0x10"]
+)
+@pytest.mark.parametrize("place", [3, 8])
+def test_a_cell_that_is_no_number_is_named_by_its_line(cell: str, place: int, lab: Arm, tmp_path: Path) -> None:
+    data = tmp_path / "data.csv"
+    data.write_text("\n".join([HEADER, *edited(4, place, cell)]) + "\n")
+    with pytest.raises(FileError, match="line 6"):
+        load_measurements(data, lab)
+
+
 BAD_ARM: dict[str, tuple[Callable[[str], str], tuple[str, ...]]] = {
     "unknown key": (lambda t: t.replace("d_mm = 46.905", "d_cm = 4.69", 1), ("joint 1", "d_cm", "d_mm")),
     "a text": (lambda t: t.replace("a_mm = 0.0", 'a_mm = "none"', 1), ("joint 1", "a_mm", "number")),

@@ -17,12 +17,14 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model_file import load_model
+from tests.ident.measuring.recordings.test_lerobot import written
 from tests.support.commands import run_command
 from tests.support.misreadings import of_its_stiffness
+from tests.support.scaled_arm import scaled_arm
 from tests.support.sweep import seeds
 from validation import synthetic
 
-ARMS = ("lrm-lab", "so101", "ur5", "lrm-rover")
+ARMS = ("lrm-lab", "so101", "ur5", "lrm-rover", "two-joint")
 LOAD_KG = {"ur5": 1.5}
 POSES, SEED, NOISE_M = 60, 7, 3e-4
 POSITION = ("x_mm", "y_mm", "z_mm")
@@ -129,9 +131,29 @@ def lost(table: Table, rng: np.random.Generator) -> tuple[str, ...]:
     return ("0, 0, 0",)
 
 
+def sign_of_a_cell(table: Table, rng: np.random.Generator) -> tuple[str, ...]:
+    name, row = str(rng.choice([_angle(table, rng), *POSITION])), int(rng.integers(POSES))
+    table[name][row] *= -1.0
+    return f"pose {row + 1}", f"pose: {row + 1}", f"--leave-out {row + 1}", name
+
+
+def places_of_columns(table: Table, rng: np.random.Generator) -> tuple[str, ...]:
+    """Columns with their names, which mean the same anywhere."""
+    for name in rng.permutation(list(table)).tolist():
+        table[name] = table.pop(name)
+    return ()
+
+
+def rows_shuffled(table: Table, rng: np.random.Generator) -> tuple[str, ...]:
+    order = rng.permutation(POSES)
+    table.update({name: column[order] for name, column in table.items()})
+    return "ascend", "backwards"
+
+
 CHANGES: tuple[Change, ...] = (
     unit_of_positions, unit_of_an_axis, unit_of_angles, unit_of_an_angle, unit_of_loads, sign, order_of_columns,
     order_of_rows, seam, zero, coupled, stale, lost,
+    sign_of_a_cell, places_of_columns, rows_shuffled,
 )  # fmt: skip
 
 
@@ -150,12 +172,15 @@ def healthy(arm: str) -> tuple[Table, str]:
         return dict(zip(names, rows.T, strict=True)), beside.read_text()
 
 
-def fitted(arm: str, table: Table, folder: Path) -> tuple[int, str, Array | None]:
-    """Exit code of `fit`, what it says, and where its model sees the tip (m) at random angles."""
+def fitted(arm: str, table: Table, folder: Path, file: str = "") -> tuple[int, str, Array | None]:
+    """Exit code of `fit`, what it says, and where its model sees the tip (m) at random angles; `file`: the arm's text
+    in place of the shipped one."""
     lines = [",".join(table), *(",".join(f"{cell:.9g}" for cell in row) for row in zip(*table.values(), strict=True))]
     (folder / "data.csv").write_text("\n".join(lines) + "\n")
     (folder / "data.toml").write_text(healthy(arm)[1])
-    code, *said = run_command("fit", folder / "data.csv", "--arm", arm, "-o", model := folder / "model.toml", "--all")
+    (path := folder / "arm.toml").write_text(file)
+    given = ("--arm", path if file else arm, "-o", model := folder / "model.toml", "--all")
+    code, *said = run_command("fit", folder / "data.csv", *given)
     words = re.sub(r"\s+", " ", " ".join(said))
     if code:
         return code, words, None
@@ -172,6 +197,13 @@ def right(arm: str) -> Array:
     return tips
 
 
+def assert_not_silent(arm: str, found: tuple[int, str, Array | None], words: tuple[str, ...]) -> None:
+    code, said, tips = found
+    assert code in (0, 2), said
+    if code == 2 or error_stats(tips - right(arm)).rms > NOISE_M:
+        assert any(word in said for word in words), said
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_step_folds")
 @pytest.mark.parametrize("change", CHANGES)
@@ -181,7 +213,79 @@ def test_a_change_is_refused_or_named_or_without_effect(change: Change, seed: in
     arm = ARMS[(seed + CHANGES.index(change)) % len(ARMS)]
     table = {name: column.copy() for name, column in healthy(arm)[0].items()}
     words = change(table, rng)
-    code, said, tips = fitted(arm, table, tmp_path)
-    assert code in (0, 2), said
-    if tips is not None and error_stats(tips - right(arm)).rms > NOISE_M:
-        assert any(word in said for word in words), said
+    assert_not_silent(arm, fitted(arm, table, tmp_path), words)
+
+
+ARM_CHANGES: tuple[tuple[str, float, str], ...] = (
+    (r"\w+_mm", 1e-3, "lengths"), (r"\w+_mm", 1e3, "_mm = "), ("mass_g", 1e-3, "masses"), ("mass_g", 1e3, "weighs"),
+    *(("gravity_m_per_s2", factor, "gravity") for factor in (-1.0, 0.0, 0.1, 100.0, 1e3)),
+)  # fmt: skip
+"""Keys of an arm file, by what their numbers are multiplied, and what names that."""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("one_step_folds")
+@pytest.mark.parametrize(("key", "factor", "word"), ARM_CHANGES)
+@pytest.mark.parametrize("seed", seeds(1, len(ARMS)))
+def test_so_is_one_of_an_arm_file(key: str, factor: float, word: str, seed: int, tmp_path: Path) -> None:
+    arm = ARMS[(seed + ARM_CHANGES.index((key, factor, word))) % len(ARMS)]
+    file = scaled_arm(shipped_arms()[arm].read_text(), key, factor)
+    assert_not_silent(arm, fitted(arm, healthy(arm)[0], tmp_path, file), (word,))
+
+
+def swapped(_told: Array, read: Array, k: int) -> None:
+    read[:, [k, k - 1]] = read[:, [k - 1, k]]
+
+
+def older_zeros(told: Array, read: Array, _k: int) -> None:
+    for angles in (told, read):
+        angles[:, 1], angles[:, 2] = 90.0 - angles[:, 1], angles[:, 2] + 90.0
+
+
+def both(change: Callable[[Array], Array]) -> Callable[[Array, Array, int], None]:
+    """A change of what is commanded and of what is read."""
+
+    def made(told: Array, read: Array, _k: int) -> None:
+        told[:], read[:] = change(told), change(read)
+
+    return made
+
+
+RECORDINGS: dict[str, tuple[Callable[[Array, Array, int], object], str]] = {
+    "sign": (
+        lambda _, read, k: np.negative(read[:, k], out=read[:, k]),
+        "{joint} turns against its command|beyond its limits",
+    ),
+    "turn": (lambda _, read, k: np.add(read[:, k], 360.0, out=read[:, k]), "{joint} reads a full turn"),
+    "frozen": (lambda _, read, k: read.__setitem__((slice(None), k), 20.0), "{joint} stands still"),
+    "not read": (lambda _, read, k: read.__setitem__((3, k), np.nan), "without a number"),
+    "swapped": (swapped, "{joint} follows the command of|beyond its limits"),
+    "radians": (both(np.radians), "--angle-unit rad"),
+    "counts": (both(lambda angles: 2048.0 + angles * 4096.0 / 360.0), "counts"),
+    "older zeros": (older_zeros, "before June 2025"),
+}
+"""Changes of angles (R, n), deg, that are commanded and read at rests, at one joint or at all; a pattern that names it."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", RECORDINGS)
+@pytest.mark.parametrize("seed", seeds(1, 12))
+def test_so_is_one_of_a_recording(kind: str, seed: int, tmp_path: Path) -> None:
+    (change, words), arm, rng = RECORDINGS[kind], load_arm("so101"), np.random.default_rng([seed, 32])
+    low, high = np.degrees([(joint.lower, joint.upper) for joint in arm.joints]).T
+    true, k, out = rng.uniform(0.9 * low, 0.9 * high, (16, arm.dof)), int(rng.integers(arm.dof)), tmp_path / "poses.csv"
+    true[0, 1:3] = 0.95 * low[1], 0.95 * high[2]
+    change(told := true.copy(), read := true.copy(), k)
+    folder = written(tmp_path / "recorded", told, read - told)
+    code, *said = run_command("import", "lerobot", folder, "--arm", "so101", "-o", out)
+    if code == 0 and is_near(np.genfromtxt(out, delimiter=",", names=True), true):
+        if np.array_equal(told, read):
+            return
+        _, *said = run_command("checkup", folder, "--arm", "so101")
+    assert re.search(words.format(joint=arm.joints[k].name), re.sub(r"\s+", " ", " ".join(said))), said
+
+
+def is_near(table: Array, angles: Array) -> bool:
+    """Whether a table has these angles (R, n), deg, within 0.3."""
+    found = np.stack([table[f"q{j}_deg"] for j in range(1, angles.shape[1] + 1)], axis=1)
+    return found.shape == angles.shape and np.allclose(found, angles, rtol=0.0, atol=0.3)
