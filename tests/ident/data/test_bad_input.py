@@ -244,7 +244,9 @@ def test_metadata(tmp_path: Path) -> None:
     ("key", "factor", "said"),
     [
         (r"\w+_mm", 1e-3, "lengths look like metres"),
+        (r"\w+_mm", 1e3, "_mm = .* should be|lengths look like micrometres"),
         ("mass_g", 1e-3, "masses look like kilograms"),
+        ("mass_g", 1e3, "mass_g = .* should be|weigh|masses look like"),
         ("limits_deg", np.pi / 180, "limits_deg looks like radians"),
         ("(?:theta|alpha)_deg", np.pi / 180, "looks like radians"),
         ("gravity_m_per_s2", 1e3, "mm/s2"),

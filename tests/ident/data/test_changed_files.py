@@ -272,7 +272,7 @@ RECORDINGS: dict[str, tuple[Callable[[Array, Array, int], object], str]] = {
     "counts": (both(lambda angles: 2048.0 + angles * 4096.0 / 360.0), "counts"),
     "older zeros": (older_zeros, "before June 2025"),
 }
-"""Changes of angles (R, n), deg, that are commanded and read at rests, at a joint or at all; a pattern that names it."""
+"""Changes of angles (R, n), deg, commanded and read at rests, of a joint or of all; a pattern that names it."""
 
 
 @pytest.mark.long
