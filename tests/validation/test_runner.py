@@ -92,6 +92,7 @@ def test_a_number_that_json_lacks_is_null_and_its_case_is_computed_again(tmp_pat
         "as_deployed.__main__ --only nowhere",
         "proofs.real_arms --data nowhere",
         "interval_coverage --seeds 0",
+        "transfer --seeds 0",
         "hidden_effects.__main__ --poses 0",
         "swinging_arm.__main__ --moves -1",
     ],
