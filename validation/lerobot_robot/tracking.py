@@ -38,6 +38,9 @@ from validation.tables import markdown_table
 ARM = load_arm("so101")
 SECONDS, SETTLES_S, FINE_S = 24.0, 2.0, 0.002
 WAYS = ("requests", "led")
+READ, PLANNED = "read", "planned"
+STEP_BACK = 2.0 * np.pi / 4096.0
+"""rad, one step of a servo's encoder."""
 STANDS_S, STANDS_RAD = 0.3, np.radians(0.1)
 """The leader is at a stop where it stayed this near for so long."""
 
@@ -45,13 +48,15 @@ STANDS_S, STANDS_RAD = 0.3, np.radians(0.1)
 @dataclass(frozen=True)
 class PathErrors:
     """deg, of the encoders about the leader at the same time: RMS, the largest, RMS at stops, and how far a joint went
-    beyond the leader's range at most; deg RMS, change of an encoder's step from frame to frame."""
+    beyond the leader's range at most; deg RMS, change of an encoder's step from frame to frame. `steps_back`: commands
+    of a joint that go back by more than an encoder's step while the leader goes on by more."""
 
     rms: float
     largest: float
     at_stops: float
     beyond: float
     unrest: float
+    steps_back: int
 
 
 def sum_of_sines(t: Array, rng: np.random.Generator) -> Array:
@@ -160,41 +165,74 @@ def follower_at_pty(dead_time: float, speed: float) -> Iterator[Follower]:
         yield Follower(servos, now, lambda until: time.sleep(max(0.0, until - now()) / speed))
 
 
-def driven(follower: Follower, arm: CorrectedArm, leader: Leader, fps: int) -> tuple[Array, Array]:
-    """(N, 5), rad, where the leader is in each frame, and what the follower's encoders read then."""
-    there, seen = list[Array](), list[Array]()
+@dataclass(frozen=True)
+class Loop:
+    """A loop of so many frames a second, whose frames begin early or late by `jitter` (s, RMS).
+
+    `wishes`: `READ` from the leader at the moment of the frame, or `PLANNED` for a punctual one.
+    """
+
+    fps: int
+    jitter: float
+    wishes: str
+
+    def frames(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """(N,), s, when frames of punctual loops begin, and when those of this one do."""
+        even = np.arange(int(SECONDS * self.fps)) / self.fps
+        return even, np.maximum.accumulate(even + self.jitter * rng.standard_normal(len(even)))
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """(N, 5), rad: where the leader is in each frame, what the follower's encoders read then, and the commands."""
+
+    leader: Array
+    seen: Array
+    commands: Array
+
+
+def driven(follower: Follower, arm: CorrectedArm, leader: Leader, loop: Loop, rng: np.random.Generator) -> Driven:
+    """A follower that is driven by a loop."""
+    there, seen, commands = list[Array](), list[Array](), list[list[float]]()
     arm.scale, arm.clock = np.ones(ARM.dof), follower.now
-    for k in range(int(SECONDS * fps)):
-        follower.wait(k / fps)
+    for even, begins in zip(*loop.frames(rng), strict=True):
+        follower.wait(begins)
         seen.append(np.array(follower.servos.angles()))
         there.append(leader.at(now := follower.now()))
-        asked_for = arm.corrected(_action(arm, leader.reading(now)), partial(_action, arm, seen[-1]))
-        follower.servos.command([asked_for.action[key] for key in arm.keys])
+        wish = leader.reading(even if loop.wishes == PLANNED else now)
+        asked_for = arm.corrected(_action(arm, wish), partial(_action, arm, seen[-1]))
+        commands.append([asked_for.action[key] for key in arm.keys])
+        follower.servos.command(commands[-1])
         arm.follow(asked_for, asked_for.action)
-    return np.array(there), np.array(seen)
+    return Driven(np.array(there), np.array(seen), np.array(commands))
 
 
 def _action(arm: CorrectedArm, q: Array) -> dict[str, float]:
     return dict(zip(arm.keys, q.tolist(), strict=True))
 
 
-def errors(wishes: Array, seen: Array, fps: int) -> PathErrors:
-    """Of encoders (N, 5), rad, about where the leader is (N, 5), rad."""
+def errors(one: Driven, fps: int) -> PathErrors:
+    """Of a follower's encoders about where the leader is."""
+    wishes, seen = one.leader, one.seen
     off, frames = np.degrees(seen - wishes), math.ceil(STANDS_S * fps)
     stopped = np.ptp(np.lib.stride_tricks.sliding_window_view(wishes, frames, axis=0), axis=-1) < STANDS_RAD
     beyond = np.maximum(wishes.min(axis=0) - seen, seen - wishes.max(axis=0)).max()
     unrest = np.diff(np.degrees(seen), n=2, axis=0)
     rms = [float(np.sqrt(np.mean(x**2))) for x in (off, off[frames - 1 :][stopped], unrest)]
-    return PathErrors(rms[0], float(np.abs(off).max()), rms[1], float(np.degrees(beyond)), rms[2])
+    goes_on, stepped = np.diff(wishes, axis=0), np.diff(one.commands, axis=0)
+    back = int(((np.abs(goes_on) > STEP_BACK) & (np.sign(goes_on) * stepped < -STEP_BACK)).sum())
+    return PathErrors(rms[0], float(np.abs(off).max()), rms[1], float(np.degrees(beyond)), rms[2], back)
 
 
-def followed(path: str, dead_time: float, fps: int, seed: int, pty: float) -> dict[str, PathErrors]:
+def followed(path: str, dead_time: float, loop: Loop, seed: int, pty: float) -> dict[str, PathErrors]:
     """The errors along a path, by way of `WAYS`; `pty`: speed of the clock at a device, 0: simulated time."""
     motion = motion_model_with({f"dead_time.{place}.t_s": dead_time for place in ARM.joint_names})
     plain, out = Correction.of(model_of(ARM, ())), dict[str, PathErrors]()
     for way, correction in zip(WAYS, (plain, plain.in_motion(motion).led_by(motion)), strict=True):
         with follower_at_pty(dead_time, pty) if pty else follower_in_simulated_time(dead_time) as follower:
-            out[way] = errors(*driven(follower, CorrectedArm(way, correction), Leader.along(path, seed), fps), fps)
+            rng = np.random.default_rng([65, seed])
+            one = driven(follower, CorrectedArm(way, correction), Leader.along(path, seed), loop, rng)
+            out[way] = errors(one, loop.fps)
     return out
 
 
@@ -202,15 +240,18 @@ def main() -> None:
     """Prints a row for each path and way."""
     chosen = asked(
         __doc__, dead_time=(0.05, "s, of every servo"), fps=Count(30), seed=0,
+        jitter=(0.0, "s RMS, by which frames begin early or late"),
+        wishes=(READ, "made for a punctual loop, or read from the leader in the frame", (READ, PLANNED)),
         pty=(0.0, "speed of the clock of a bus at a pty; 0: in this process, in simulated time"),
     )  # fmt: skip
-    found = {path: followed(path, chosen.dead_time, chosen.fps, chosen.seed, chosen.pty) for path in PATHS}
+    loop = Loop(chosen.fps, chosen.jitter, chosen.wishes)
+    found = {path: followed(path, chosen.dead_time, loop, chosen.seed, chosen.pty) for path in PATHS}
     rows = [
-        (path, way, *(f"{x:.2f}" for x in vars(one).values()))
+        (path, way, *(f"{x:.2f}" if isinstance(x, float) else str(x) for x in vars(one).values()))
         for path, ways in found.items()
         for way, one in ways.items()
     ]
-    head = ("path", "commands", "deg RMS", "largest", "at stops, RMS", "beyond", "unrest")
+    head = ("path", "commands", "deg RMS", "largest", "at stops, RMS", "beyond", "unrest", "steps back")
     print(markdown_table(head, rows))
 
 
