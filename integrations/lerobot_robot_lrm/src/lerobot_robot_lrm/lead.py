@@ -67,14 +67,13 @@ class Lead:
             return np.zeros_like(self.dead_time)
         (t0, t1, t2), (q0, q1, q2) = made[[first, middle, last]], wishes[[first, middle, last]]
         before, rate = (q1 - q0) / (t1 - t0), (q2 - q1) / (t2 - t1)
-        moves = (before * rate > 0.0) & (np.minimum(np.abs(q1 - q0), np.abs(q2 - q1)) > TREMOR)
-        way = np.sign(rate)
-        led = np.abs(_extrapolated(before, rate, t2 - t1, t2 - t0, self.dead_time))
-        waits = way * (self.wishes[-1] + self.ahead - q2)
+        way, goes_on = np.sign(rate), before * rate > 0.0
+        moves = np.minimum(np.abs(q1 - q0), np.abs(q2 - q1)) > TREMOR
+        led = np.where(moves, np.abs(_extrapolated(before, rate, t2 - t1, t2 - t0, self.dead_time)), 0.0)
+        waits = np.where(way * (q2 - self.wishes[-1]) > 0.0, way * (self.wishes[-1] + self.ahead - q2), 0.0)
         faster = np.maximum(np.abs(before), np.abs(rate)) * self.dead_time
-        goes_on = way * (q2 - self.wishes[-1]) > 0.0
-        led = np.where(goes_on, np.maximum(led, np.minimum(waits, faster)), led)
-        return np.where(moves, way * np.minimum(led, FARTHEST_LEAD), 0.0)
+        led = np.maximum(led, np.minimum(waits, faster))
+        return np.where(goes_on, way * np.minimum(led, FARTHEST_LEAD), 0.0)
 
 
 def _a_span_before(times: Array, number: int) -> int:
