@@ -193,6 +193,7 @@ def test_a_joint_is_led_by_its_own_dead_time_alike_in_either_direction(
 ) -> None:
     wishes = np.cumsum(0.1 * np.abs(wishes), axis=0)
     found = leads(dead_time, wishes, period)
-    np.testing.assert_array_equal(leads(np.append(dead_time[:1], others[1:]), wishes, period)[:, 0], found[:, 0])
-    np.testing.assert_array_equal(leads(dead_time, -wishes, period), -found)
-    np.testing.assert_array_equal(leads(dead_time[::-1], wishes[:, ::-1], period), found[:, ::-1])
+    own = leads(np.append(dead_time[:1], others[1:]), wishes, period)[:, 0]
+    np.testing.assert_allclose(own, found[:, 0], atol=1e-9)
+    np.testing.assert_allclose(leads(dead_time, -wishes, period), -found, atol=1e-9)
+    np.testing.assert_allclose(leads(dead_time[::-1], wishes[:, ::-1], period), found[:, ::-1], atol=1e-9)

@@ -18,6 +18,7 @@ from lrm_math.arrays import Array
 
 SPAN_S = 0.025
 """Over which a rate is measured at least: one frame at 30 a second, two at 60."""
+ROUNDING_S = 1e-9
 TREMOR = 1.5 * 2.0 * math.pi / 4096.0
 """rad: a leader's encoder that flickers by one step is not led."""
 LONGEST_GAP_S = 4.0 * SPAN_S
@@ -80,7 +81,7 @@ def _a_span_before(times: Array, number: int) -> int:
     """Number of the newest of times (N,), s, that is a span older than one of a number; −1: there is none."""
     if number <= 0:
         return -1
-    return int(np.searchsorted(times[:number], times[number] - SPAN_S, side="right")) - 1
+    return int(np.searchsorted(times[:number], times[number] - SPAN_S + ROUNDING_S, side="right")) - 1
 
 
 def _extrapolated(before: Array, rate: Array, span: float, both: float, dead_time: Array) -> Array:
