@@ -30,8 +30,8 @@ LAYERS = {
     "lrm_ros2": "diagnostics action_types message_types trajectory sender_watch arrivals ros_endpoints ros_node "
     "bridge action command",
     "lrm_skills": "behaviours rafcon_library",
-    "lerobot_robot_lrm": "units least_deviation kernel_arm lead servo_motion correction bounded corrected_arm "
-    "servo_check wrapped_robot calibrated_robot calibrated_pair processor pipelines registration",
+    "lerobot_robot_lrm": "units least_deviation kernel_arm wish_times lead servo_motion correction bounded "
+    "corrected_arm servo_check wrapped_robot calibrated_robot calibrated_pair processor pipelines registration",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 IMPORT = re.compile(r"^ *(?:from ([\w.]+) import|import ([\w.]+))", re.MULTILINE)

@@ -130,7 +130,7 @@ def _inputs(values: dict[str, Any]) -> list[Path]:
     named = [value for name, value in values.items() if name not in OUTPUTS]
     paths = [value for value in named if isinstance(value, Path)]
     paths += [Path(value) for value in named if isinstance(value, str) and value.endswith(".toml")]
-    beside = [path.with_suffix(".toml") for path in paths if path.suffix != ".toml"]
+    beside = [path.with_suffix(".toml") for path in paths if path.name and path.suffix != ".toml"]
     return [*paths, *(path for path in beside if path.exists() and not is_something_else(path))]
 
 

@@ -41,7 +41,7 @@ def page_of_files(model: Path, recording: Path) -> str:
 def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
     """The page's text; `before`: the servos' response alone on the same moves; `model`: its file, for commands."""
     document, values = auto_document(after, after.judged(), model), motion_figures(before, after)
-    blocks = [*document.whole, *comparison_document(after).whole, parameter_table(after)]
+    blocks = [*document.whole, *comparison_document(after).whole, parameter_table(after, after.model.effects)]
     concluded, title = document.values["conclusion"], f"Motion: {after.moves.name}, {after.moves.arm.name}"
     assert isinstance(concluded, Conclusion)
     steps = f'<div id="lrm-steps" class="lrm-figure" style="height: {90 + 30 * len(after.history)}px"></div>'

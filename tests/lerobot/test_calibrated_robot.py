@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import make_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -118,3 +119,16 @@ def test_the_tip_ends_at_the_floor_from_both_sides(effect: str, tmp_path: Path) 
     print(f"floor {1e3 * found.floor:.2f} mm, observed off the wish by {np.degrees(found.observed):.2f} deg")
     assert found.calibrated < 1.4 * found.floor
     assert found.without > 3.0 * found.floor
+
+
+@pytest.mark.parametrize(
+    ("kind", "models"), [(KIND, ["model"]), ("bi_so_follower_calibrated", ["left_model", "right_model"])]
+)
+def test_the_lead_is_an_option_of_every_calibrated_form(kind: str, models: list[str]) -> None:
+    """As LeRobot's programs read it; off if it is not given."""
+    draccus = pytest.importorskip("draccus")
+    config = make_dataclass("Program", [("robot", pytest.importorskip("lerobot.robots.config").RobotConfig)])
+    ports = ["port"] if kind == KIND else ["left_arm_config.port", "right_arm_config.port"]
+    typed = [f"--robot.type={kind}", *(f"--robot.{name}=word" for name in (*ports, *models))]
+    assert draccus.parse(config, args=typed).robot.lead is False
+    assert draccus.parse(config, args=[*typed, "--robot.lead=true"]).robot.lead is True

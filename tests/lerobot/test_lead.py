@@ -19,7 +19,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.motion.motion_model import MotionModel
 from tests.doors.servos_door import MODEL
-from tests.lerobot.test_in_motion import ARM, NOMINAL, RUBBING, arm_in_motion, sent
+from tests.lerobot.test_in_motion import ARM, NOMINAL, RUBBING, action_of, arm_in_motion, sent
 from tests.support.lerobot.tracking_arm import motion_model_with
 from tests.support.motion_models import write_motion_model
 
@@ -32,10 +32,10 @@ FPS = 30.0
 
 def leads(dead_time: Array, wishes: Array, period: float) -> Array:
     """(N, n), rad, ahead of wishes (N, n) that come at a constant rate."""
-    lead, out = Lead(dead_time), []
+    lead, out = Lead.of(dead_time), []
     for k, wish in enumerate(wishes):
         lead = lead.after(wish, k * period)
-        out.append(lead.ahead())
+        out.append(lead.ahead)
     return np.array(out)
 
 
@@ -63,15 +63,19 @@ def test_a_lead_is_over_one_span_after_the_stream_has_stopped(wishes: Array, dea
     np.testing.assert_array_equal(found[-1], np.zeros(5))
 
 
-@given(wishes=STREAMS, dead_time=DEAD_TIMES, period=st.floats(SPAN_S, 0.2))
+@given(wishes=STREAMS, rising=st.booleans(), dead_time=DEAD_TIMES, period=st.floats(SPAN_S, 0.2))
 def test_a_lead_is_at_most_the_slower_of_two_rates_times_the_dead_time(
-    wishes: Array, dead_time: Array, period: float
+    wishes: Array, rising: bool, dead_time: Array, period: float
 ) -> None:
+    """Or, within the faster one's, what keeps the command where it is."""
+    wishes = np.cumsum(np.abs(wishes), axis=0) if rising else wishes
     moved = np.diff(wishes, axis=0, prepend=wishes[:1])
-    slower = np.minimum(np.abs(moved), np.abs(np.roll(moved, 1, axis=0)))
-    slower[0] = 0.0
-    most = np.minimum(slower / period * dead_time, FARTHEST_LEAD)
+    before = np.roll(moved, 1, axis=0)
+    before[0] = 0.0
+    slower, faster = np.sort(np.abs([before, moved]), axis=0) / period * dead_time
     found = leads(dead_time, wishes, period)
+    stays = np.sign(moved) * np.roll(found, 1, axis=0) - np.abs(moved)
+    most = np.minimum(np.maximum(slower, np.minimum(stays, faster)), FARTHEST_LEAD)
     assert (np.abs(found) <= most + 1e-12).all()
     assert (found * moved >= 0.0).all()
 
@@ -158,22 +162,38 @@ def test_a_new_motion_begins_without_a_lead() -> None:
 @given(pause=st.floats(0.11, 10.0), goal=st.floats(-2.0, 2.0))
 def test_goals_that_come_singly_are_not_led(pause: float, goal: float) -> None:
     """Nor is the first one after a stream that paused: each would be overshot until the next one comes."""
-    lead, rate = Lead(np.full(1, 0.3)), 1.0
+    lead, rate = Lead.of(np.full(1, 0.3)), 1.0
     for k in range(8):
         lead = lead.after(np.array([rate * k / 30.0]), k / 30.0)
-    assert lead.ahead() > 0.0
+    assert lead.ahead > 0.0
     for k in range(4):
         lead = lead.after(np.array([goal * (k + 1)]), 7.0 / 30.0 + pause * (k + 1))
-        assert lead.ahead() == 0.0
+        assert lead.ahead == 0.0
 
 
-def test_a_refused_action_does_not_count_for_the_lead() -> None:
+@pytest.mark.parametrize("refused_by", ["plug-in", "robot"])
+def test_a_refused_action_does_not_count_for_the_lead(refused_by: str) -> None:
     """Nothing is sent of it, and the commands after it are those without it."""
     wishes = np.linspace(0.0, 0.6, 20)[:, None] * np.ones(5)
     arm, other = leading(LATE), leading(LATE)
     sent(arm, wishes[:10])
     sent(other, wishes[:10])
-    with pytest.raises(LrmError, match="finite number"):
-        sent(arm, np.full((1, 5), np.nan))
+    if refused_by == "plug-in":
+        with pytest.raises(LrmError, match="finite number"):
+            sent(arm, np.full((1, 5), np.nan))
+    else:
+        arm.corrected(action_of(arm, wishes[0]), lambda: action_of(arm, wishes[0]))  # it raises, so nothing follows
     other.clock()  # the frame without a wish
     np.testing.assert_array_equal(sent(arm, wishes[10:]), sent(other, wishes[10:]))
+
+
+@given(wishes=STREAMS, dead_time=DEAD_TIMES, others=DEAD_TIMES, period=PERIODS)
+def test_a_joint_is_led_by_its_own_dead_time_alike_in_either_direction(
+    wishes: Array, dead_time: Array, others: Array, period: float
+) -> None:
+    wishes = np.cumsum(0.1 * np.abs(wishes), axis=0)
+    found = leads(dead_time, wishes, period)
+    own = leads(np.append(dead_time[:1], others[1:]), wishes, period)[:, 0]
+    np.testing.assert_allclose(own, found[:, 0], atol=1e-9)
+    np.testing.assert_allclose(leads(dead_time, -wishes, period), -found, atol=1e-9)
+    np.testing.assert_allclose(leads(dead_time[::-1], wishes[:, ::-1], period), found[:, ::-1], atol=1e-9)

@@ -119,6 +119,7 @@ def fit(
     output: Annotated[Path, Option("-o", "--output", metavar="MODEL", help="Where to write the motion model.")],
     arm: arg.ServoArm = SO101,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
 ) -> None:
     """Fit the response of every servo: frequency, damping, zero."""
     with bars() as tick:
@@ -126,7 +127,8 @@ def fit(
         notice(*moves.notices)
         study = MotionStudy.of(moves, progress=tick).fit()
     write_motion(study, arm, output)
-    publish(motion_document(study, f"{moves.name}: reading less prediction, {len(moves)} moves"), json)
+    document = motion_document(study, f"{moves.name}: reading less prediction, {len(moves)} moves")
+    publish(document, json, in_full=show_all)
     show(f"Model written to {output}", f"Next: lrm-ident motion diagnose {output} {words_of(source)}")
 
 
@@ -169,12 +171,14 @@ def add(
     effect: Annotated[str, Argument(metavar="EFFECT@JOINT", help="For instance dead_time@joint2.")],
     output: NewMotion,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
 ) -> None:
     """Add an effect of motion at a joint and refit that joint."""
     with _opened(model, source) as (file, before):
         study = before.add(effect)
     write_motion(study, arm_from(model, file.arm), output)
-    publish(motion_document(study, f"with {effect}: reading less prediction"), json)
+    document = motion_document(study, f"with {effect}: reading less prediction", effect)
+    publish(document, json, in_full=show_all)
     show(f"Model written to {output}")
 
 

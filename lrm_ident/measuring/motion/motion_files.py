@@ -64,11 +64,15 @@ class MotionSource:
             if self.tip is not None:
                 what = "is read beside a log of commands, and this is none"
                 raise FileError(self.recording, "--tip", what, f"a {' or '.join(LOGS)}")
+            self._require_no_other_than("prefix")
             return moves_of(read_frames(self.recording, arm, self.angle_unit, self.prefix), arm, self.recording)
+        of_log = ("topic",) if self.recording.suffix == MCAP else ()
         log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
         if self.encoders is not None:
+            self._require_no_other_than(*of_log, "encoders")
             return moves_of(log.beside(*joint_track(self.recording, arm, self.encoders)), arm, self.recording)
         if self.tip is None and (encoders := log.encoders()) is not None:
+            self._require_no_other_than(*of_log)
             return replace(moves_of(encoders, arm, self.recording), servos=log.servos)
         tip = self.tip or self.recording
         if tip.suffix != MCAP and self.tip is None:
@@ -78,9 +82,18 @@ class MotionSource:
                 "a log of commands alone shows no motion",
                 "--tip and the tracker's file, or columns q1_meas_deg, ...",
             )
+        self._require_no_other_than(*of_log, "tip", "tool", "base", "rotation", "rest")
         take = read_take(tip, self.rotation)
         track = TipTrack.of(take.path, take.pair(self.tool, self.base))
         return tip_moves(log, track, self._at_rest(arm))
+
+    def _require_no_other_than(self, *used: str) -> None:
+        """Raises `FileError`: an option is stated that this kind of recording has no use for."""
+        for option in ("tip", "tool", "base", "topic", "encoders", "rotation", "rest", "prefix"):
+            if option not in used and getattr(self, option) is not None:
+                raise FileError(
+                    self.recording, f"--{option}", "has no use for a recording of this kind", "leave it out"
+                )
 
     def _at_rest(self, arm: Arm) -> Model:
         if self.rest is None:

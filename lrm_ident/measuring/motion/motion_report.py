@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,14 +19,14 @@ from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.diagnosis.headline import MISSING
 from lrm_ident.report.diagnosis.next_steps import NextStep
-from lrm_ident.report.document import Block, Document, ResultTable, section
+from lrm_ident.report.document import Block, Document, ResultTable, room_below, section
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
 from lrm_math.effects.base import Parameter
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import MotionEffect
 
-SHOWN, BAR, LISTED = 8, 24, 4
+SHOWN, FEWEST, BAR, LISTED = 8, 2, 12, 4
 UNDETERMINED = "not determined by these moves"
 UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "rad_per_s2": (180.0 / np.pi, "deg/s²"),
          "s": (1e3, "ms"), "Hz": (1.0, "Hz"), "ratio": (1.0, ""), "rad_per_rad": (100.0, "%"),
@@ -43,11 +44,16 @@ def _number(error: float, moves: Moves) -> str:
     return in_unit(error, moves).split()[0]
 
 
-def motion_document(study: MotionStudy, title: str) -> Document:
-    """Result of `motion fit` and `add`: errors of every joint and parameters; schema `lrm/motion-fit/1`."""
-    errors, parameters = _errors(study, title), parameter_table(study)
+def motion_document(study: MotionStudy, title: str, added: str = "") -> Document:
+    """Result of `motion fit` and `add`: errors of every joint and parameters; schema `lrm/motion-fit/1`.
+
+    `added`: name of the effect whose parameters are shown; the others are details.
+    """
+    errors, parameters = _errors(study, title), parameter_table(study, study.model.effects)
     values = {**_values(study), "joints": errors.records(), "parameters": parameters.records()}
-    return Document([errors, parameters], "lrm/motion-fit/1", values)
+    new = [effect for effect in study.model.effects if effect.name == added]
+    blocks = [errors, *([parameter_table(study, new)] if new else [])]
+    return Document(blocks, "lrm/motion-fit/1", values, details=[parameters], about="the parameters of all joints")
 
 
 def comparison_document(study: MotionStudy) -> Document:
@@ -69,22 +75,20 @@ def diagnosis_document(
         (one for joint in found for one in joint.candidates if one.held_out is not None),
         key=lambda one: (one.verdict != "supported", -_saved(found, one)),
     )
-    table = ResultTable(
-        ("candidate", f"held out, {unit} RMS|", "", "status"),
-        [
-            (
-                one.effect.name,
-                f"{_number(_before(found, one), moves)} → {_number(one.held_out or np.nan, moves)}",
-                "█" * max(1, round(BAR * (one.held_out or 0.0) / _before(found, one))),
-                _status(found, one),
-            )
-            for one in rows[:SHOWN]
-        ],
-        "Held-out error of its joint with each candidate added",
-    )
+    candidates = [
+        (
+            one.effect.name,
+            f"{_number(_before(found, one), moves)} → {_number(one.held_out or np.nan, moves)}",
+            "█" * max(1, round(BAR * min((one.held_out or 0.0) / _before(found, one), 1.0))),
+            _status(found, one),
+        )
+        for one in rows[:SHOWN]
+    ]
+    title = "\nHeld-out error of its joint with each candidate added"
+    table = ResultTable(("candidate", f"held out, {unit} RMS|", "", "status"), candidates, title)
     blocks = concluded.blocks()
-    if rows:
-        blocks += ["", table]
+    room = min(room_below(blocks), len(candidates))
+    blocks += [replace(table, cells=candidates[:room])] if room >= FEWEST else []
     refused = [
         f"{plain_name(effect.name)} ({effect.name}): {reason}" for one in found for effect, reason in one.not_testable
     ]
@@ -98,8 +102,9 @@ def diagnosis_document(
             for effect, reason in one.not_testable
         ],
     }
-    details = section("What these moves cannot show", refused)
-    return Document(blocks, "lrm/motion-diagnosis/1", values, details=details, about="what these moves cannot show")
+    details = [*([table] if rows else []), *section("What these moves cannot show", refused)]
+    about = "every candidate, and what these moves cannot show"
+    return Document(blocks, "lrm/motion-diagnosis/1", values, details=details, about=about)
 
 
 def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: str) -> Document:
@@ -264,11 +269,11 @@ def _errors(study: MotionStudy, title: str) -> ResultTable:
     return ResultTable(columns, rows, title)
 
 
-def parameter_table(study: MotionStudy) -> ResultTable:
-    """Estimates of all effects in people's units, with standard errors."""
+def parameter_table(study: MotionStudy, effects: Sequence[MotionEffect]) -> ResultTable:
+    """Estimates of effects in people's units, with standard errors."""
     rows = [
         (plain_name(effect.name), p.meaning, estimate(p, study.model.values[key], study.model.sigma[key]))
-        for effect in study.model.effects
+        for effect in effects
         for key, p in zip(effect.keys, effect.parameters, strict=True)
     ]  # fmt: skip
     return ResultTable(("effect", "parameter", "estimate"), rows, "Parameters")
@@ -307,9 +312,9 @@ def _status(found: Sequence[JointScreening], one: MotionCandidate) -> str:
     own = _screening(found, one)
     if one is own.first:
         share = 1.0 - ((one.held_out or 0.0) / own.before.held_out_rms) ** 2
-        return f"best of its joint, explains {in_percent(share)} %"
+        return f"explains {in_percent(share)} %"
     if one.effect.name in own.equivalent:
-        return "indistinguishable from it"
+        return "indistinguishable"
     return {"supported": "explains part of it", "implausible": "implausible size", "no_evidence": "explains little"}[
         one.verdict
     ]

@@ -29,6 +29,8 @@ from lrm_math.motion.loads import JointLoads, joint_loads, reference_inertia
 from lrm_math.motion.motion_model import MotionModel
 
 LEAD_S, LONGEST_LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 6.0, 3.0, 6.0
+LEAST_MOTION = np.radians(5.0)
+"""rad, over which some joint is commanded; radians that are read as degrees are less."""
 STEP_S = 0.0085
 """Longest step of the simulation: an eighth of the period of the fastest servo that the catalogue allows."""
 FOLDS = 5
@@ -179,6 +181,11 @@ def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
     dt = _frame_distance(frames, path)
     speeds = [(frames.reading_speed(rows), rows) for rows in _episodes(frames)]
     rows, counted = cut(path, dt, speeds)
+    if np.array_equal(frames.command, frames.feedback):
+        raise FileError(path, "", "encoders that read exactly what is commanded", "readings of the encoders")
+    if (largest := np.ptp(frames.command, axis=0).max()) < LEAST_MOTION:
+        what = f"no joint is commanded over more than {np.degrees(largest):.2g} deg"
+        raise FileError(path, "", what, "quick and slow moves; or are the angles in rad (--angle-unit)?")
     began = begun_in_motion(np.concatenate([speed for speed, _ in speeds])[rows[:, 0]] > MOVING * dt)
     command = frames.command[rows]
     smooth = followed(command, dt)

@@ -29,7 +29,7 @@ logger = logging.getLogger(__name__)
 class CorrectedAction:
     """An action to send, with the command in it for wished angles (n,), rad, that continues a motion.
 
-    `led`: (n,), rad, of the command by which moving joints are ahead.
+    `led`: (n,), rad, of the command by which moving joints are ahead. `lead`: once it is sent; None: there is none.
     """
 
     action: dict[str, Any]
@@ -37,6 +37,7 @@ class CorrectedAction:
     answer: BoundedCommand
     motion: Motion
     led: Array
+    lead: Lead | None
 
 
 class CorrectedArm:
@@ -89,15 +90,9 @@ class CorrectedArm:
         motion = self.motion or Motion.at(self._standing(observe()))
         answer = bounded_command(self.correction, wish, motion, self._before)
         self._tell_of(wish, answer)
-        ahead = np.clip(answer.command + self._ahead(answer.wish, now), *self.correction.limits)
-        return CorrectedAction(self._with(action, ahead), wish, answer, motion, ahead - answer.command)
-
-    def _ahead(self, wish: Array, now: float) -> Array:
-        """(n,), rad, by which moving joints are led, now (s) that a wish (n,), rad, has come."""
-        if self._lead is None:
-            return np.zeros_like(wish)
-        self._lead = self._lead.after(wish, now)
-        return self._lead.ahead()
+        lead = None if self._lead is None else self._lead.after(answer.wish, now)
+        command = answer.command if lead is None else np.clip(answer.command + lead.ahead, *self.correction.limits)
+        return CorrectedAction(self._with(action, command), wish, answer, motion, command - answer.command, lead)
 
     def follow(self, asked: CorrectedAction, sent: Mapping[str, Any]) -> dict[str, Any]:
         """Takes down what was really sent of a corrected action; the same in true angles. Raises `LrmError`.
@@ -106,7 +101,7 @@ class CorrectedArm:
         """
         angles, command = self._angles(sent, "action sent"), asked.answer.command
         angles = angles - np.clip(angles - command, np.minimum(asked.led, 0.0), np.maximum(asked.led, 0.0))
-        self.motion, self._before = asked.motion.to(angles), asked.answer
+        self.motion, self._before, self._lead = asked.motion.to(angles), asked.answer, asked.lead
         whole = not asked.answer.lost and not asked.answer.bounded.any()
         as_wished = whole and np.allclose(angles, command, rtol=0.0, atol=1e-9)
         held = np.array_equal(command, asked.motion.q)

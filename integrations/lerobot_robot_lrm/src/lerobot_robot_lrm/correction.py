@@ -157,7 +157,7 @@ class Correction:
         if not late.any():
             raise LrmError("the model of motion has no dead_time, so there is nothing to lead by; leave lead out")
         unused = tuple(each for each in self.unused_effects if each != DeadTime.id)
-        return replace(self, lead=Lead(late), unused_effects=unused)
+        return replace(self, lead=Lead.of(late), unused_effects=unused)
 
     def on_the_base_of(self, other: Correction) -> Correction:
         """The correction whose arm as drawn stands beside another one as the arm files of both have it.
