@@ -77,8 +77,8 @@ def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tup
 
 
 def unexplained_mean_square(report: DiagnosisReport) -> float:
-    """Held-out mean square (m²) above the noise; 0 if nothing is missing."""
-    return 0.0 if report.verdict.quiet else _above_noise(report, report.held_out.rms)
+    """Held-out mean square (m²) above the noise (`_above_noise`); 0 if nothing is missing."""
+    return 0.0 if report.verdict == Verdict.NOTHING_MISSING else _above_noise(report, report.held_out.rms)
 
 
 def explained_by_first(report: DiagnosisReport) -> tuple[float, float] | None:
@@ -91,9 +91,13 @@ def explained_by_first(report: DiagnosisReport) -> tuple[float, float] | None:
 
 
 def _above_noise(report: DiagnosisReport, rms: float) -> float:
-    """Mean square above the noise, which is at most what a black-box model leaves where it is not known."""
-    floor = report.diagnosis.floor.rms or report.patterns.predictable.noise_bound
-    return max(rms**2 - floor**2, 0.0)
+    """Mean square above the noise. A noise that is not known is at most what a black-box model leaves. It may be far
+    less, since not every cause can be predicted: so much counts then that a cause must explain more than all that
+    stays."""
+    floor = report.diagnosis.floor.rms
+    if floor is not None:
+        return max(rms**2 - floor**2, 0.0)
+    return max(rms**2 - report.patterns.predictable.noise_bound**2, MAX_UNEXPLAINED_RATIO * rms**2)
 
 
 def attribution_of(report: DiagnosisReport) -> Support | None:

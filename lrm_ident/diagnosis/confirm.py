@@ -100,8 +100,8 @@ class ConfirmedDiagnosis:
 
     @cached_property
     def replicates(self) -> bool:
-        """Whether the effect to add is chosen in both halves of the data; True where none is to be added."""
-        if self.first is None:
+        """Whether the effect to add is chosen in both halves of the data; True where none is added as a cause."""
+        if self.first is None or self.describes:
             return True
         compared = {*self.diagnosis.equivalent[self.first.name], *self.refits}
         return replicates(self.diagnosis.screening, self.first, compared)

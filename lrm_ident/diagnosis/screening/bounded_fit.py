@@ -7,14 +7,14 @@ the screening promises too little of the one effect, or too much of the other.
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis
-from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit
+from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, truncated_svd
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.screening.screen import Screening, prior_rows
 from lrm_ident.fitting.levenberg_marquardt import Fit
@@ -34,7 +34,7 @@ class BoundedEstimate:
     """What a candidate leaves beside the fitted parameters.
 
     Attributes:
-        squares: (n,), squared distance of each screened pose (m²), in the sample.
+        squares: (n,), squared distance of each screened pose (m²), predicted where it is none of those estimated from.
         as_screened: whether the parameters at a bound are those that the fit has there, and none of the candidate's.
     """
 
@@ -44,18 +44,18 @@ class BoundedEstimate:
 
 @dataclass(frozen=True, eq=False)
 class BoundedFit:
-    """A fit linearised at its minimum, with the bounds of its parameters.
+    """A fit linearised at its minimum, with the bounds of its parameters, estimated from all or some of its poses.
 
     Attributes:
-        screening: of the fit. released: its linearised fit, what is held at a bound fitted too.
-        free: (R n + K, P), orthonormal basis of the columns of parameters without bounds; rows of n poses, and K of the
-            prior.
+        screening: of the fit.
+        training: rows that an estimate is made of: R rows of each pose, and the K rows of the prior.
+        free: (R n + K, P), basis of the columns of parameters without bounds, orthonormal at the training rows.
         columns: (R n + K, p), of the parameters with a bound, in typical sizes. residual: (R n + K,), m.
         lower, upper: (p,), how far each of them may go from its value. held: (p,), which the fit has at a bound.
     """
 
     screening: Screening
-    released: LinearisedFit
+    training: NDArray[np.int64]
     free: Array
     columns: Array
     residual: Array
@@ -65,7 +65,7 @@ class BoundedFit:
 
     @staticmethod
     def of(screening: Screening) -> BoundedFit:
-        """The fit of a screening."""
+        """The fit of a screening, estimated from all its poses."""
         fitted, data = screening.subset
         keys, linear = list(fitted.model.free), screening.linear
         typical = np.array([fitted.model.parameter(key).typical for key in keys])
@@ -78,35 +78,60 @@ class BoundedFit:
         bounded = np.isfinite(limits.lower) | np.isfinite(limits.upper)
         at_bound = np.array([key in fitted.at_bound for key in keys], dtype=np.bool_)
         lower, upper = (((limit - values) / typical)[bounded] for limit in (limits.lower, limits.upper))
-        released = linear.beside(linear.project(measured[:, at_bound])) if at_bound.any() else linear
-        free = orthonormal_basis(every[:, ~bounded])
-        columns, left = _projected(every[:, bounded], free), _projected(right, free)
-        return BoundedFit(screening, released, free, columns, left, lower, upper, at_bound[bounded])
+        own = orthonormal_basis(every[:, ~bounded]), every[:, bounded], right
+        return BoundedFit(screening, np.arange(len(right)), *own, lower, upper, at_bound[bounded])
+
+    def from_poses(self, poses: NDArray[np.int64]) -> BoundedFit:
+        """The fit estimated from these of the screened poses; what it leaves at the others is a prediction."""
+        linear = self.screening.linear
+        measured = (linear.rows * poses[:, None] + np.arange(linear.rows)).reshape(-1)
+        training = np.concatenate([measured, np.arange(linear.measured, len(self.residual))])
+        free = self.free @ truncated_svd(np.asarray(np.linalg.qr(self.free[training], mode="r")))[1]
+        return replace(self, training=training, free=free)
+
+    @cached_property
+    def baseline(self) -> BoundedEstimate:
+        """Estimate of no candidate: the error of the fit as it is."""
+        return self._estimate(np.zeros((len(self.residual), 0)), np.zeros((2, 0)))
 
     def explain(self, one: ScoredCandidate) -> BoundedEstimate:
         """Estimate of a candidate at its best shape."""
+        return self.explain_each([one])[0]
+
+    def explain_each(self, found: Sequence[ScoredCandidate]) -> list[BoundedEstimate]:
+        """Estimate of each candidate alone at its best shape."""
+        measured = self.screening.linear.measured
+        moved = [np.zeros((measured, 0)), *(one.at_shape[1] for one in found)]
+        every = np.zeros((len(self.residual), sum(columns.shape[1] for columns in moved)))
+        every[:measured] = self.screening.weigh(np.hstack(moved))
+        own = np.split(self._projected(every), np.cumsum([columns.shape[1] for columns in moved[:-1]]), axis=1)[1:]
+        return [self._estimate(columns, _limits(one)) for one, columns in zip(found, own, strict=True)]
+
+    def _estimate(self, own: Array, own_limits: Array) -> BoundedEstimate:
+        """Estimate of further columns (R n + K, m), `free` projected out, within limits (2, m)."""
         from scipy.optimize import lsq_linear  # takes a quarter of a second to load
 
-        linear, (acting, moved) = self.screening.linear, one.candidate.acting(one.shape)
-        own = np.zeros((len(self.residual), moved.shape[1]))
-        own[: linear.measured] = self.screening.weigh(moved)
-        known, size = len(self.held), own.shape[1]
-        ridge = np.hstack([np.zeros((size, known)), np.sqrt(linear.ridge) * np.eye(size)])
-        columns = np.vstack([np.hstack([self.columns, _projected(own, self.free)]), ridge])
-        right = np.append(self.residual, np.zeros(size))
-        root = np.asarray(np.linalg.qr(np.column_stack([columns, right]), mode="r"))  # as good as all rows
-        from_start = [
-            ((p.lower - one.shape[row]) / p.typical, (p.upper - one.shape[row]) / p.typical)
-            for row, p in zip(acting.rows, acting.parameters, strict=True)
-        ]
-        own_limits = np.array(from_start).reshape(-1, 2).T
+        (known, residual), linear, size = self._left, self.screening.linear, own.shape[1]
+        columns, right = np.hstack([known, own]), residual[self.training]
+        ridge = np.hstack([np.zeros((size, known.shape[1])), np.sqrt(linear.ridge) * np.eye(size)])
+        trained = np.column_stack([np.vstack([columns[self.training], ridge]), np.append(right, np.zeros(size))])
+        root = np.asarray(np.linalg.qr(trained, mode="r"))  # as good as all rows
         lower, upper = np.append(self.lower, own_limits[0]), np.append(self.upper, own_limits[1])
-        most = 100 * len(lower)  # of iterations: each goes down, and few are needed
-        found = lsq_linear(root[:-1, :-1], root[:-1, -1], (lower, upper), method="bvls", max_iter=most).x
-        left = (right - columns @ found)[: linear.measured].reshape(-1, linear.rows)
-        held = (found <= lower + AT_BOUND) | (found >= upper - AT_BOUND)
+        most = 100 * max(len(lower), 1)  # of iterations: each goes down, and few are needed
+        amounts = lsq_linear(root[:-1, :-1], root[:-1, -1], (lower, upper), method="bvls", max_iter=most).x
+        left = (residual - columns @ amounts)[: linear.measured].reshape(-1, linear.rows)
+        held = (amounts <= lower + AT_BOUND) | (amounts >= upper - AT_BOUND)
         as_screened = np.array_equal(held, np.append(self.held, np.zeros(size, dtype=np.bool_)))
         return BoundedEstimate((left**2).sum(axis=1), as_screened)
+
+    @cached_property
+    def _left(self) -> tuple[Array, Array]:
+        """`columns` and `residual`, `free` projected out."""
+        return self._projected(self.columns), self._projected(self.residual)
+
+    def _projected(self, rows: Array) -> Array:
+        """Rows (R n + K, …) less their prediction by `free`, whose amounts the training rows give."""
+        return np.asarray(rows - self.free @ (self.free[self.training].T @ rows[self.training]))
 
     def left_by(self, fitted: Fit) -> Array:
         """(n,), squared distance of each screened pose that a refit leaves (m²)."""
@@ -130,15 +155,15 @@ class BoundedFit:
         measures = first.candidate.effect.part is ModelPart.MEASUREMENT
         before = float((self.screening.linear.residual[: self.screening.linear.measured] ** 2).sum())
         least = EQUIVALENT_GAIN * (before - float(left.sum()))
-        # with what is held released, and no bounds, none can explain more
-        most = self.released.explain_each(self.released.up_to_date(self.screening.sets))
+        rivals = [
+            one
+            for one in self.screening.scored
+            if one is not first
+            and not one.candidate.effect.is_free_form
+            and (measures or one.candidate.effect.part is not ModelPart.MEASUREMENT)
+        ]
         found = []
-        for one, free in zip(self.screening.scored, most, strict=True):
-            effect = one.candidate.effect
-            of_other = effect.part is ModelPart.MEASUREMENT and not measures
-            if one is first or of_other or effect.is_free_form or before - free.in_sample <= least:
-                continue
-            estimate = self.explain(one)
+        for one, estimate in zip(rivals, self.explain_each(rivals), strict=True):
             rest = float(estimate.squares.sum())
             changed, known = not (own.as_screened and estimate.as_screened), one.name in equivalent
             near = changed and before - rest > least and paired_z(left, estimate.squares) < Z_THRESHOLD
@@ -148,6 +173,11 @@ class BoundedFit:
         return [one for _, one in sorted(found, key=lambda pair: pair[0])]
 
 
-def _projected(rows: Array, basis: Array) -> Array:
-    """Rows (R n + K, …) less their part along an orthonormal basis (R n + K, P)."""
-    return np.asarray(rows - basis @ (basis.T @ rows))
+def _limits(one: ScoredCandidate) -> Array:
+    """(2, m), how far the parameters of a candidate may go from its best shape, in typical sizes."""
+    acting, _ = one.at_shape
+    each = [
+        ((p.lower - one.shape[row]) / p.typical, (p.upper - one.shape[row]) / p.typical)
+        for row, p in zip(acting.rows, acting.parameters, strict=True)
+    ]
+    return np.array(each).reshape(-1, 2).T

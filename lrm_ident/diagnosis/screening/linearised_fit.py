@@ -256,8 +256,7 @@ class LinearisedFit:
         for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
             left.append(part.residual[:, None] - sets.predicted(part, amounts, own))
         in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
-        # where the linear model errs most (a joint about to fall through its play) it must not decide alone
-        held_out = np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], self.baseline.held_out))
+        held_out = at_most_outliers(held_out, self.baseline.held_out)
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
@@ -321,6 +320,14 @@ def linearise(
         start = test.stop
     none_selected = SelectedColumns.empty(len(order), len(parts))
     return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, measured, none_selected)
+
+
+def at_most_outliers(held_out: Array, before: Array) -> Array:
+    """(S, N), held-out squares of S linear estimates, winsorised: each at most that of an outlier, or as `before` (N,).
+
+    Where the linear model errs most (a joint about to fall through its play) it must not decide alone.
+    """
+    return np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], before))
 
 
 def _inverse_root(gram: Array, ridge: float) -> Array:

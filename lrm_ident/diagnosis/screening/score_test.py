@@ -57,6 +57,11 @@ class ScoredCandidate:
         return self.size + int(np.count_nonzero(np.ptp(np.array(self.candidate.shapes), axis=0)))
 
     @cached_property
+    def at_shape(self) -> tuple[Candidate, Array]:
+        """`Candidate.acting` at its best shape."""
+        return self.candidate.acting(self.shape)
+
+    @cached_property
     def orthonormal(self) -> Array:
         """(R N, rank), orthonormal basis of its projected columns."""
         return orthonormal_basis(self.projected.columns)

@@ -68,11 +68,12 @@ def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explaine
         return OTHERWISE
     if explained <= 0.0:
         return "it does not lower the error of the tip, so the cause may be another"
-    ratio = unexplained_ratio(explained, left)
-    return (
-        f"{ratio:.1f} times the squared error that it explains stays unexplained (limit {MAX_UNEXPLAINED_RATIO:.2f}), "
-        "so the cause may be another"
-    )
+    ratio, limit = unexplained_ratio(explained, left), f"(limit {MAX_UNEXPLAINED_RATIO:.2f})"
+    if report.diagnosis.floor.rms is None:
+        stays = f"may stay unexplained {limit}, as the noise is not known"
+    else:
+        stays = f"stays unexplained {limit}, so the cause may be another"
+    return f"{ratio:.1f} times the squared error that it explains {stays}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:

@@ -69,9 +69,10 @@ class _Prediction:
 
     @cached_property
     def _principal(self) -> tuple[Array, Array]:
-        """(3 M, P) and (P,), principal directions of the spread, and its sizes along them (m)."""
-        U, size, _ = np.linalg.svd(self.spread, full_matrices=False)
-        return U, size
+        """(3 M, P) and (P,), motions along the principal directions of the spread, and their squared lengths (m²); by
+        eigenvalues, since LAPACK's singular values (gesdd) need not converge for columns that are but round-off."""
+        size, axes = np.linalg.eigh(self.spread.T @ self.spread)
+        return self.spread @ axes, np.maximum(size, 0.0)
 
     def squares(self, residual: Array, noise: float) -> Array:
         """(M,), squared errors over their expectation, whitened by the covariance noise² I + spread spreadᵀ.
@@ -79,9 +80,10 @@ class _Prediction:
         One wrong parameter moves many poses: without that, chance would look like a change. Its symmetric root is that
         of the identity with another size along the principal directions of the spread.
         """
-        U, size = self._principal
-        error = residual.reshape(-1) / noise
-        white = error - U @ ((1.0 - 1.0 / np.sqrt(1.0 + (size / noise) ** 2)) * (U.T @ error))
+        moved, size = self._principal
+        error, root = residual.reshape(-1) / noise, np.sqrt(1.0 + size / noise**2)
+        # (1 − 1/√(1 + s²)) / s² = 1 / (√(1 + s²) (√(1 + s²) + 1)), where s = 0, too
+        white = error - moved @ (moved.T @ error / (noise**2 * root * (root + 1.0)))
         return np.asarray((white.reshape(-1, 3) ** 2).sum(axis=1))
 
 

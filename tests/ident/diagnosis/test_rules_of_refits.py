@@ -21,7 +21,6 @@ from lrm_ident.diagnosis.contradiction import NoCause, can_be_contradicted, leve
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
-from lrm_ident.diagnosis.screening.column_sets import stacks_of
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.held_out import HeldOutBlock
@@ -304,34 +303,31 @@ def test_what_depends_on_time_is_not_asked_of_the_first_half_of_the_session(monk
     assert len(halves_of(("time",), monkeypatch)) == 1
 
 
-def chosen(own: tuple[float, float], rival: tuple[float, float], patch: Patch) -> bool:
+def chosen(own: tuple[float, float], rival: tuple[float, float]) -> bool:
     """Whether a candidate replicates that leaves so much of each half, beside a rival that leaves so much."""
     halves = (np.arange(POSES // 2), np.arange(POSES // 2, POSES))
     ripple = 0.01 * np.where(np.arange(POSES) % 2, 1.0, -1.0)
 
-    def squares(left: tuple[float, float], sign: float = 1.0) -> Array:
-        return np.repeat(left, POSES // 2) + sign * ripple
+    def estimate(left: tuple[float, float], sign: float = 1.0) -> Any:
+        return SimpleNamespace(squares=np.repeat(left, POSES // 2) + sign * ripple)
 
-    estimates = [SimpleNamespace(held_out=squares(own)), SimpleNamespace(held_out=squares(rival))]
-    linear = SimpleNamespace(
-        baseline=SimpleNamespace(held_out=squares((1.0, 1.0), -1.0)),
-        explain_each=lambda _: estimates,
-        in_folds=lambda *_: None,
-        order=np.arange(POSES),
-        residual=np.zeros(POSES),
+    one, other = "own", "rival"
+    estimates = {one: estimate(own), other: estimate(rival)}
+    bounded: Any = SimpleNamespace(
+        baseline=estimate((1.0, 1.0), -1.0),
+        from_poses=lambda _: bounded,
+        explain_each=lambda found: [estimates[name] for name in found],
     )
-    patch.setattr(replication, "_in_halves", lambda *_: linear)
-    sets = SimpleNamespace(columns=np.zeros((POSES, 2)), stacks=stacks_of([1, 1]))
-    return replication._chosen(SimpleNamespace(linear=linear, sets=sets), halves, 0, [1])  # type: ignore[arg-type]
+    return replication._chosen(bounded, halves, one, [other])  # type: ignore[arg-type, list-item]
 
 
-def test_a_cause_replicates_where_it_helps_in_both_halves(monkeypatch: Patch) -> None:
-    assert chosen((0.5, 0.5), (1.0, 1.0), monkeypatch)
-    assert not chosen((0.5, 1.1), (2.0, 2.0), monkeypatch)
+def test_a_cause_replicates_where_it_helps_in_both_halves() -> None:
+    assert chosen((0.5, 0.5), (1.0, 1.0))
+    assert not chosen((0.5, 1.1), (2.0, 2.0))
 
 
-def test_a_rival_that_is_better_in_one_half_contradicts_it(monkeypatch: Patch) -> None:
-    assert not chosen((0.5, 0.5), (1.0, 0.2), monkeypatch)
+def test_a_rival_that_is_better_in_one_half_contradicts_it() -> None:
+    assert not chosen((0.5, 0.5), (1.0, 0.2))
 
 
 def test_the_rivals_of_a_step_are_none_of_its_class() -> None:

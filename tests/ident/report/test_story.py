@@ -129,9 +129,14 @@ def test_every_bar_of_the_waterfall_ends_inside_it(deployed: float) -> None:
 
 
 @pytest.mark.parametrize("misspecified", [(), ("servo_gain@joint1",)])
-def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("noise", [None, 0.1])
+def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...], noise: float | None) -> None:
     steps = [None, SimpleNamespace(added="servo_gain@joint1", evidence=Evidence())]
-    attributions, report = [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)], SimpleNamespace(misspecified=misspecified)
+    attributions, known = (
+        [StepAttribution(Support.POSSIBLE_CAUSE, 0.05)],
+        SimpleNamespace(floor=SimpleNamespace(rms=noise)),
+    )
+    report = SimpleNamespace(misspecified=misspecified, diagnosis=known)
     course: Any = SimpleNamespace(steps=steps, attributions=attributions, explained=[1.0], report=report)
     title, facts = attribution_blocks(course)
     assert str(title).startswith("No cause is certain.")
@@ -141,6 +146,7 @@ def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...])
     assert words.startswith("servo gain error of joint 1 (servo_gain@joint1): ")
     assert ("also moves the arm elsewhere" in words) == bool(misspecified)
     assert ("0.1 times the squared error that it explains" in words) != bool(misspecified)
+    assert ("as the noise is not known" in words) == (noise is None and not misspecified)
 
 
 def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:

@@ -27,6 +27,16 @@ def test_errors_are_whitened_by_the_covariance_of_noise_and_parameters() -> None
     assert np.corrcoef(squares.T)[0, 1:] == pytest.approx(0.0, abs=0.1)
 
 
+def test_parameters_that_move_nothing_change_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`auto` ended with LAPACK's "SVD did not converge" where one at its bound left a column of round-off."""
+    rng = np.random.default_rng(1)
+    spread, noise, error = 1e-3 * rng.normal(size=(60, 7)), 4e-4, 1e-3 * rng.normal(size=(20, 3))
+    still = np.column_stack([spread, np.zeros(60), 1e-15 * rng.normal(size=60)])
+    monkeypatch.setattr(np.linalg, "svd", Mock(side_effect=np.linalg.LinAlgError("SVD did not converge")))
+    with_all, without = (_Prediction(error, error, motions, noise) for motions in (still, spread))
+    assert with_all.squares(error, noise) == pytest.approx(without.squares(error, noise), rel=1e-9)
+
+
 @pytest.mark.parametrize(("kilograms", "forecast"), [(0.0, True), (0.13, False)])
 def test_a_load_that_the_earlier_poses_did_not_bear_is_not_forecast(
     example_diagnosis: DiagnosisReport, monkeypatch: pytest.MonkeyPatch, kilograms: float, forecast: bool
