@@ -85,8 +85,8 @@ class RangeTable(StrictSchema):
     (`joint2.theta_Nm`, `joint3.d_N`), times, the TCP's x, y and z. Beyond it curves stay as at its edge; without it
     they go on by formula. `centre_mm`: mean of the TCP's positions, about which a tracker's frame distorts; without it,
     in older files, that is about the base's origin. `measured_deg`: angles at which each joint was measured;
-    `open_deg`: standard deviation of each joint's error far from these (`UnmeasuredAngles`). `candidates`: added effects
-    (`id@place`) that are no identified causes: what they say beyond the range may be wrong.
+    `open_deg`: standard deviation of each joint's error far from these (`UnmeasuredAngles`). `candidates`: effects
+    (`id@place`) that were added and are no identified causes: what they say beyond the range may be wrong.
     """
 
     joints_deg: list[Ends]

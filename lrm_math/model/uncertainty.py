@@ -72,7 +72,7 @@ def position_covariance(
 
 
 def open_covariance(settled: Equilibrium) -> Array:
-    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`), of laws that go on beyond them
+    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`), of candidate laws beyond them
     (`beyond_range`), and of empirical terms that no longer hold (`Reversion`); zero where that is not known."""
     within, out = settled.model.within, np.zeros((len(settled.poses), 3, 3))
     if within is not None and within.unmeasured is not None:
