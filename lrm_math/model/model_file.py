@@ -161,8 +161,9 @@ class HistoryTable(StrictSchema):
     `step`: `fit`, `add`, `refit`, `leave_out`, `free` or `transfer`; `of`: the effect that was added, the prior, the
     bench (`StepName`).
     `nominal_rms_mm`: error of the nominal arm on the same data, of a fit.
-    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know; `deployed_poses`:
-    the number of poses that it is of, where those are not all of the step's.
+    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know;
+    `deployed_95_mm`: its 95 % interval at other poses like these, while the arm stays as it is; `deployed_poses`: the
+    number of poses that it is of, where those are not all of the step's.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
     `rivals_mm`: the held-out RMS that other effects alone would have left, the least first; None: not known.
     `rivals_refitted`: those of them that were refitted; of the others it is an estimate of the linear screening.
@@ -175,6 +176,7 @@ class HistoryTable(StrictSchema):
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
     deployed_rms_mm: float | None = None
+    deployed_95_mm: Ends | None = None
     deployed_poses: int | None = None
     rivals_mm: dict[str, float] | None = None
     rivals_refitted: list[str] = []
