@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -68,9 +67,8 @@ class AutoRun(ShownInNotebook):
 
     @property
     def explained(self) -> tuple[float, ...]:
-        """Held-out mean square (m²) that each step after the start took away."""
-        squares = [step.held_out_rms**2 for step in self.steps]
-        return tuple(before - after for before, after in pairwise(squares))
+        """Held-out mean square (m²) that each step after the start took away, at the poses that it was chosen on."""
+        return tuple(step.evidence.explained for step in self.steps[1:])
 
     @property
     def attributions(self) -> tuple[StepAttribution, ...]:
@@ -162,6 +160,7 @@ def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
         rivals=before.rivals,
         refitted=tuple(name for name in before.rivals if name in before.refits),
         refines=variants(chosen.candidate.effect),
+        explained=before.explained,
         share=before.share,
         describes=before.describes,
         replicates=before.replicates,
