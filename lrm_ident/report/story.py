@@ -97,8 +97,7 @@ class Story:
         left = [f"{one.title} {in_mm(one.rms_mm * MM)}" for one in start]
         if added:
             left.append(f"{_counted(added)} {in_mm(self.steps[-1].rms_mm * MM)}")
-        between = "" if "as deployed" in dict(self.ends) else self._between
-        return f"{' → '.join(left)} mm RMS{between}{f' {UNSEEN}' if self.held_out else ''}"
+        return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
     def _between(self) -> str:
