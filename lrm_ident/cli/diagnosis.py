@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import count
 from pathlib import Path
 from time import monotonic
 from typing import Annotated
@@ -151,14 +150,14 @@ def auto(
     if not force:
         check_replaces(output, len(read.file.history))
     study = with_dimensions(read)
-    numbers, begun, taken = count(), monotonic(), list[Step]()
+    begun, taken = monotonic(), list[Step]()
     rates = None if prior is None else load_rates(prior)
 
     def on_step(step: Step, now: Study) -> None:
         """Prints a step on stderr as soon as it is taken; its model is on disk whatever comes then."""
         taken.append(step)
         pause()
-        write(log, step_blocks(next(numbers), step, taken[0], nominal_rms(study)))
+        write(log, step_blocks(taken, nominal_rms(study)))
         now.save(output)
 
     with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):

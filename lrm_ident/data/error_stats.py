@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -11,6 +13,8 @@ from lrm_math.arrays import Array
 CHI1_MEDIAN, CHI3_MEDIAN = 0.6744898, 1.5381724
 """Medians of the chi distribution with one and three degrees of freedom: of a number, and of a distance whose axes have
 a deviation of 1."""
+WITHIN_95 = NormalDist().inv_cdf(0.975)
+"""Standard errors about an estimate that hold 95 %."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,7 @@ class ErrorStats:
     """Mean, RMS, maximum and standard deviation over poses of the 3-D distance (m).
 
     `turn_rms`: RMS angle between measured and predicted orientation (rad), where orientations were measured.
+    `rms_between`: 95 % confidence interval of the RMS (m) at other poses that are drawn as these were; None: of one.
     """
 
     mean: float
@@ -25,6 +30,7 @@ class ErrorStats:
     max: float
     sd: float
     turn_rms: float | None = None
+    rms_between: tuple[float, float] | None = None
 
     def as_json(self) -> dict[str, float]:
         """Values in mm and deg."""
@@ -36,10 +42,22 @@ def error_stats(residual: Array, turn: Array | None = None) -> ErrorStats:
     """Statistics of a residual (N, 3) in m, and of rotation vectors (N, 3) in rad, NaN where not measured."""
     distance = np.linalg.norm(residual, axis=1)
     angle = np.array([]) if turn is None else np.linalg.norm(turn[~np.isnan(turn).any(axis=1)], axis=1)
+    squares = distance**2
     return ErrorStats(
         float(distance.mean()),
-        float(np.sqrt((distance**2).mean())),
+        float(np.sqrt(squares.mean())),
         float(distance.max()),
         float(distance.std()),
         float(np.sqrt((angle**2).mean())) if len(angle) else None,
+        _rms_between(squares),
     )
+
+
+def _rms_between(squares: Array) -> tuple[float, float] | None:
+    """The interval of the root of a mean of squares (N,): its logarithm is taken as normal (delta method)."""
+    mean = float(squares.mean())
+    if len(squares) < 2 or not mean:
+        return None
+    deviation = float(squares.std(ddof=1)) / math.sqrt(len(squares)) / mean
+    apart, rms = math.exp(0.5 * WITHIN_95 * deviation), math.sqrt(mean)
+    return rms / apart, rms * apart

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from lrm_ident.data.error_stats import ErrorStats
 from lrm_math.arm.arm import Arm
 
 LEAST, MOST = 2, 6  # decimals
@@ -25,6 +26,11 @@ def in_mm(value: float) -> str:
     """A length (m) in mm, without the unit."""
     mm = value * 1e3
     return f"{mm:.{decimals(mm)}f}"
+
+
+def between_words(error: ErrorStats) -> str:
+    """The 95 % interval of an RMS error in mm, such as `0.49 to 0.60`; empty where it is not known."""
+    return "" if error.rms_between is None else " to ".join(map(in_mm, error.rms_between))
 
 
 def with_error(value: float, error: float) -> tuple[str, str]:

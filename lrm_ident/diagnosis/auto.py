@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, unexplained_mean_square
+from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, term_of, unexplained_mean_square
 from lrm_ident.diagnosis.candidate_trial import Refit
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
@@ -68,9 +67,8 @@ class AutoRun(ShownInNotebook):
 
     @property
     def explained(self) -> tuple[float, ...]:
-        """Held-out mean square (m²) that each step after the start took away."""
-        squares = [step.held_out_rms**2 for step in self.steps]
-        return tuple(before - after for before, after in pairwise(squares))
+        """Held-out mean square (m²) that each step after the start took away, at the poses that it was chosen on."""
+        return tuple(step.evidence.explained for step in self.steps[1:])
 
     @property
     def attributions(self) -> tuple[StepAttribution, ...]:
@@ -134,7 +132,24 @@ def run_auto(
             continue
         steps.append(_step(StepName(ADD, effect), evidence, last, latest, refit.fit))
         on_step(steps[-1])
-    return AutoRun(tuple(steps), latest)
+    return _with_candidates(AutoRun(tuple(steps), latest))
+
+
+def _with_candidates(run: AutoRun) -> AutoRun:
+    """The run, whose last model states which of its effects are no identified causes."""
+    terms = {
+        step.added: term_of(attribution.kind, step.evidence.equivalent)
+        for step, attribution in zip(run.steps[1:], run.attributions, strict=True)
+    }
+    *before, last = run.steps
+    fit = last.fit
+    if fit.model.within is None:
+        return run
+    known = (name for name in fit.model.candidates if name not in terms)
+    candidates = (*known, *(name for name, term in terms.items() if term != "identified cause"))
+    model = replace(fit.model, within=replace(fit.model.within, candidates=candidates))
+    stated = replace(fit, model=model, equilibrium=replace(fit.equilibrium, model=model))
+    return replace(run, steps=(*before, replace(last, fit=stated)))
 
 
 def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
@@ -145,6 +160,7 @@ def _evidence(before: ConfirmedDiagnosis, chosen: ScoredCandidate) -> Evidence:
         rivals=before.rivals,
         refitted=tuple(name for name in before.rivals if name in before.refits),
         refines=variants(chosen.candidate.effect),
+        explained=before.explained,
         share=before.share,
         describes=before.describes,
         replicates=before.replicates,

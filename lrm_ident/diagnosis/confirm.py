@@ -118,6 +118,11 @@ class ConfirmedDiagnosis:
         return (*found, *misspecified_effects(self.refit.fit, diagnosis.data, [self.first.name]))
 
     @property
+    def explained(self) -> float:
+        """Held-out mean square (m²) that the refit takes."""
+        return 0.0 if self.refit is None else error_stats(self.held_out).rms ** 2 - self.refit.error.rms**2
+
+    @property
     def share(self) -> float:
         """Share of the held-out mean square above the noise (of all, where that is unknown) that the refit takes."""
         if self.refit is None:

@@ -16,7 +16,8 @@ class Evidence:
             least first; None where that is not known.
         refitted: those of the rivals that were refitted; of the others it is an estimate of the linear screening.
         refines: the effects, `effect@place`, of which it is another form. of_present: whether one of them is there.
-        share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
+        explained: held-out mean square (m²) that it took away. share: of that above the noise (of all, where that is
+            unknown). Both at the poses that the diagnosis before it kept: with the effect, others may be outliers.
         describes: whether it only describes (`ConfirmedDiagnosis.describes`).
         replicates: whether it was chosen in both halves of the data.
         misspecified: whether what it follows moves the arm otherwise, too (`specification_test`).
@@ -27,6 +28,7 @@ class Evidence:
     refitted: tuple[str, ...] = ()
     refines: tuple[str, ...] = ()
     of_present: bool = False
+    explained: float = 0.0
     share: float = 0.0
     describes: bool = False
     replicates: bool = True

@@ -128,7 +128,8 @@ def fit(
     data = data.borne_by(model)
     start = solve_equilibrium(model, data.poses, near)
     prior_within = None if prior is None else prior.within
-    model = replace(model, within=prior_within or measured_range(start), fitted_to=data.source.sha256)
+    within = prior_within or replace(measured_range(start), candidates=model.candidates)
+    model = replace(model, within=within, fitted_to=data.source.sha256)
     if model.binding.distorting:  # about the centre of these poses, not of those that the start was fitted to
         start = solve_equilibrium(model, data.poses, start)
     limits = bounds or bounds_of(model, model.free)

@@ -41,7 +41,7 @@ class StoryStep:
     Attributes:
         title: in plain words. kind: what made it fall. number: of the step in the history; None of the nominal arm.
         before_rms_mm, rms_mm: RMS error before and after it. deployed_rms_mm: after it, as deployed; None: not known.
-        deployed_poses: number of poses that this one is of; None: of all.
+        deployed_poses: number of poses that this one is of; None: of all. deployed_95_mm: its 95 % interval, if known.
     """
 
     title: str
@@ -51,6 +51,7 @@ class StoryStep:
     rms_mm: float
     deployed_rms_mm: float | None = None
     deployed_poses: int | None = None
+    deployed_95_mm: Sequence[float] | None = None
 
     @property
     def explained(self) -> float:
@@ -99,6 +100,12 @@ class Story:
         return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
+    def _between(self) -> str:
+        """The 95 % interval of the last error as deployed, in brackets; empty where it is not known."""
+        between = self.steps[-1].deployed_95_mm
+        return "" if between is None else f" ({' to '.join(in_mm(end * MM) for end in between)}, 95 %)"
+
+    @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """What else is known of the last error, labelled."""
         on_arm = self.nested_deployed_rms_mm
@@ -106,7 +113,7 @@ class Story:
         more = "" if _alike(on_arm, self.nested_rms_mm) else there
         part = at_poses(self.steps[-1].deployed_poses)
         after = {
-            "as deployed": f"{part} {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
+            "as deployed": f"{self._between}{part} {BY_THE_TRACKER if self.of_tracker else ON_THE_ARM}",
             NESTED: f", {ANEW}{more}",
             NOISE: "",
             NOISE_AT_MOST: " at most",
@@ -197,7 +204,8 @@ def story_of(
         deployed = entry.deployed_rms_mm if held_out else None
         made = kind if number and entry.name.added else "fit"
         poses = None if deployed is None else entry.deployed_poses
-        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, left, deployed, poses))
+        between = None if deployed is None else entry.deployed_95_mm
+        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, left, deployed, poses, between))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]

@@ -71,6 +71,7 @@ def model_file(
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
         deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
+        deployed_95_mm=_deployed_between(held_out),
         deployed_poses=None if held_out.deployed is None else held_out.deployed.fewer,
         rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
         rivals_refitted=list(evidence.refitted),
@@ -94,6 +95,11 @@ def model_file(
         ),
     )
     return _file_at(arm, [*before, entry])
+
+
+def _deployed_between(held_out: HeldOutResidual) -> list[float] | None:
+    between = None if held_out.deployed is None else held_out.deployed.now.rms_between
+    return None if between is None else [end * 1e3 for end in between]
 
 
 def _nominal_rms_mm(fit: Fit, data: Measurements) -> float:

@@ -209,6 +209,8 @@ class Study(ModelOnData, ShownInNotebook):
         run = run_auto(
             study.model, study.data, max_effects, study.catalogue, taken, study.loss, tick, rates, on_confirmed
         )
+        if len(run.steps) > 1:
+            latest = study._after(run.steps[-1], latest.before)
         return run, latest if latest._filed is None else latest.with_course(run, NestedResidual(None))
 
     def with_course(self, course: AutoRun, nested: NestedResidual) -> Study:

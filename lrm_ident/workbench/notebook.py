@@ -50,7 +50,7 @@ def html_of(result: object) -> str:
         case DiagnosisReport():
             return _tables(diagnosis_document(result).whole) + _picture(result)
         case AutoRun(steps=taken):
-            steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
+            steps: list[Block] = [block for k in range(len(taken)) for block in step_blocks(taken[: k + 1])]
             return _tables([*steps, *attribution_blocks(result)]) + html_of(result.report)
         case LawProposal():
             return _tables(proposal_document(result).blocks)

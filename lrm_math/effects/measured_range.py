@@ -97,6 +97,8 @@ class MeasuredRange:
         centre: mean position of the TCP (m), about which a tracker's frame distorts; None: about the base's origin.
         unmeasured: what is left open between the measured angles and beyond them; None where it is not known.
         reversion: to the model without its empirical terms; None where all of them hold.
+        candidates: names of added effects, `id@place`, that the poses do not identify as causes: another law may stand
+            behind them, which goes on otherwise beyond the range.
     """
 
     angle: tuple[Interval, ...]
@@ -108,6 +110,7 @@ class MeasuredRange:
     centre: tuple[float, ...] | None = None
     unmeasured: UnmeasuredAngles | None = None
     reversion: Reversion | None = None
+    candidates: tuple[str, ...] = ()
 
     def outside(self, q: Array) -> NDArray[np.bool_]:
         """(N, n), joints that stand outside their range at commands q (N, n) (rad)."""

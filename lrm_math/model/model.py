@@ -142,6 +142,12 @@ class Model:
         return bind_effects(self.chain, tuple(bound))
 
     @property
+    def candidates(self) -> tuple[str, ...]:
+        """Names of its effects that were added and are no identified causes, where that is known."""
+        names = () if self.within is None else self.within.candidates
+        return tuple(effect.name for effect in self.effects if effect.name in names)
+
+    @property
     def remembers(self) -> bool:
         """Whether some effect follows the loads that were borne before a pose."""
         return any(effect.remembers for effect in self.effects)

@@ -85,7 +85,8 @@ class RangeTable(StrictSchema):
     (`joint2.theta_Nm`, `joint3.d_N`), times, the TCP's x, y and z. Beyond it curves stay as at its edge; without it
     they go on by formula. `centre_mm`: mean of the TCP's positions, about which a tracker's frame distorts; without it,
     in older files, that is about the base's origin. `measured_deg`: angles at which each joint was measured;
-    `open_deg`: standard deviation of each joint's error far from these (`UnmeasuredAngles`).
+    `open_deg`: standard deviation of each joint's error far from these (`UnmeasuredAngles`). `candidates`: effects
+    (`id@place`) that were added and are no identified causes: what they say beyond the range may be wrong.
     """
 
     joints_deg: list[Ends]
@@ -98,6 +99,7 @@ class RangeTable(StrictSchema):
     open_deg: list[Annotated[float, Field(ge=0.0)]] | None = None
     loads: dict[str, Ends] = {}
     reversion: ReversionTable | None = None
+    candidates: list[str] | None = None
 
 
 class MemoryTable(StrictSchema):
@@ -159,8 +161,9 @@ class HistoryTable(StrictSchema):
     `step`: `fit`, `add`, `refit`, `leave_out`, `free` or `transfer`; `of`: the effect that was added, the prior, the
     bench (`StepName`).
     `nominal_rms_mm`: error of the nominal arm on the same data, of a fit.
-    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know; `deployed_poses`:
-    the number of poses that it is of, where those are not all of the step's.
+    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know;
+    `deployed_95_mm`: its 95 % interval at other poses like these, while the arm stays as it is; `deployed_poses`: the
+    number of poses that it is of, where those are not all of the step's.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
     `rivals_mm`: the held-out RMS that other effects alone would have left, the least first; None: not known.
     `rivals_refitted`: those of them that were refitted; of the others it is an estimate of the linear screening.
@@ -173,6 +176,7 @@ class HistoryTable(StrictSchema):
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
     deployed_rms_mm: float | None = None
+    deployed_95_mm: Ends | None = None
     deployed_poses: int | None = None
     rivals_mm: dict[str, float] | None = None
     rivals_refitted: list[str] = []
@@ -427,7 +431,10 @@ def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRan
     tcp = None if table.tcp_mm is None else tuple((1e-3 * lower, 1e-3 * upper) for lower, upper in table.tcp_mm)
     centre = None if table.centre_mm is None else tuple(1e-3 * value for value in table.centre_mm)
     payload, reversion = (1e-3 * lightest, 1e-3 * heaviest), _reversion_of(path, table.reversion, model)
-    return MeasuredRange(angle, payload, slots, t, running, tcp, centre, unmeasured, reversion)
+    candidates, names = tuple(table.candidates or ()), [effect.name for effect in model.effects]
+    if missing := next((name for name in candidates if name not in names), None):
+        raise FileError(path, "range.candidates", str(UnknownName("effect of this model", missing, names)))
+    return MeasuredRange(angle, payload, slots, t, running, tcp, centre, unmeasured, reversion, candidates)
 
 
 def _reversion_of(path: Path, table: ReversionTable | None, model: Model) -> Reversion | None:
@@ -488,6 +495,7 @@ def range_table(model: Model) -> RangeTable | None:
         open_deg=None if far is None else [math.degrees(sd) for sd in far.sd],
         loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
         reversion=_reversion_table(model, known.reversion),
+        candidates=[*model.candidates] or None,
     )
 
 

@@ -19,6 +19,7 @@ from lrm_math.model.deployed_model import field_of
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.unseen_angles import beyond_range
 
 UNSURE = 0.5
 """Part of its variance beyond the data from which on a residual field is not said to speak."""
@@ -71,12 +72,14 @@ def position_covariance(
 
 
 def open_covariance(settled: Equilibrium) -> Array:
-    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`), and of empirical terms that no longer
-    hold (`Reversion`); zero where that is not known."""
+    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`), of candidate laws beyond them
+    (`beyond_range`), and of empirical terms that no longer hold (`Reversion`); zero where that is not known."""
     within, out = settled.model.within, np.zeros((len(settled.poses), 3, 3))
     if within is not None and within.unmeasured is not None:
         J = joint_jacobian(settled) * within.unmeasured.spread(settled.poses.q)[:, None, :]
         out += J @ J.transpose(0, 2, 1)
+    for apart in beyond_range(settled):
+        out += apart[:, :, None] * apart[:, None, :]
     if within is not None and within.reversion is not None:
         out += _reverted_covariance(settled, within, within.reversion)
     return out

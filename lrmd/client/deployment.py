@@ -109,6 +109,9 @@ class Deployment:
             part = unseen if some is None else f"at {some} poses not in the fit, where its state held"
             shown = {f"as deployed, {part}": self.last.deployed_rms_mm, unseen: self.last.held_out_rms_mm}
             said = [f"{rms:.2f} mm RMS {how}" for how, rms in shown.items() if rms is not None][:1]
+            if self.last.deployed_95_mm is not None:
+                low, high = self.last.deployed_95_mm
+                said.append(f"{low:.2f} to {high:.2f} mm (95 %) while the arm stays as it is")
         if self.standard_error is not None:
             said.append(f"{self.standard_error * 1e3:.2f} mm RMS by uncertain parameters alone")
         yield f"expected at the tip: {', '.join(said) or 'not known (the file has neither history nor covariance)'}"

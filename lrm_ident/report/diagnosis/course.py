@@ -28,7 +28,13 @@ from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.story import ANEW, Story, at_poses
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
 from lrm_ident.report.text.reasons import no_law_words, reason_words
-from lrm_ident.report.text.residuals import WHY_OFF, error_raised_sentence, law_may_be_wrong_sentence, scale_sentence
+from lrm_ident.report.text.residuals import (
+    WHY_OFF,
+    error_raised_sentence,
+    law_may_be_wrong_sentence,
+    other_outliers_sentence,
+    scale_sentence,
+)
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.noise_floor import noise_floor
@@ -50,12 +56,13 @@ STILL_OPEN = ("empirical term", "could be", "acts most like", "where", "repair",
 LAST = "all of the last diagnosis"
 
 
-def step_blocks(number: int, step: Step, start: Step, nominal: float | None = None) -> Iterator[Block]:
-    """One step of `auto`: errors, rival effects, and what was freed.
+def step_blocks(taken: Sequence[Step], nominal: float | None = None) -> Iterator[Block]:
+    """The last of the steps of `auto` that were taken so far: errors, rival effects, and what was freed.
 
-    Its bar is relative to that of the `start`; that of the `nominal` arm (m), where it is known, is cut short.
+    Its bar is relative to that of the start; that of the `nominal` arm (m), where it is known, is cut short.
     """
-    held_out, before = step.held_out_rms, start.held_out_rms
+    number, step = len(taken) - 1, taken[-1]
+    held_out, before = step.held_out_rms, taken[0].held_out_rms
     bar = BLOCK * int(np.clip(round(BAR * held_out / max(before, 1e-12)), 1, BAR))
     if not number:
         yield heading(f"step  effect added                    mm RMS  held out (bar: 0 to {in_mm(before)} mm)")
@@ -78,6 +85,8 @@ def step_blocks(number: int, step: Step, start: Step, nominal: float | None = No
         present = {effect.name: effect for effect in step.fit.model.effects}
         why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
         yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
+        if words := other_outliers_sentence(step.data.source.left_out, taken[-2].data.source.left_out):
+            yield Text(f"      {words}", style="dim")
         if scale := scale_left_open(step.added, step.fit):
             yield f"      scale {scale_sentence(scale)}"
     if step.freed:
@@ -165,6 +174,7 @@ def course_document(
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
                 "held_out_rms_mm": step.held_out_rms * 1e3,
+                "left_out": step.data.source.left_out,
                 "as_deployed": None if step.held_out is None else step.held_out.deployed,
             }
             for number, step in enumerate(course.steps)

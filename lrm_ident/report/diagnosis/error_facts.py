@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.data.wording import UNSEEN, arrow, in_mm
+from lrm_ident.data.wording import UNSEEN, arrow, between_words, in_mm
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.assessment import Assessment
@@ -64,7 +64,10 @@ def deployed_error(report: DiagnosisReport) -> str:
     if deployed.among_measured is not None:
         among = f"{in_mm(deployed.among_measured.rms)} mm among the measured poses"
         return f"{in_mm(deployed.now.rms)} mm RMS at later poses ({among}), as the arm goes on changing"
-    size = f"{in_mm(deployed.now.rms)} mm RMS, largest {in_mm(deployed.now.max)} mm{_without_noise(report)}"
+    error = deployed.now
+    between = between_words(error)
+    interval = f" (at other poses {between}, 95 %)" if between else ""
+    size = f"{in_mm(error.rms)} mm RMS{interval}, largest {in_mm(error.max)} mm{_without_noise(report)}"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return size
     earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, quantity
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, poses_count, quantity
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows
 from lrm_ident.report.text.variables import in_a_sentence
 from lrm_ident.residual.deployment.deployed_error import DeployedError
@@ -122,6 +122,18 @@ def scale_sentence(scale: ScaleUncertainty | None) -> str:
         f"tip. That is mostly its prior (typical: {1e3 * FRAME_TYPICAL:.2g} mm/m): a worse tracker may err by more. "
         f"No pose distinguishes it from longer links. {A_LENGTH}"
     )
+
+
+def other_outliers_sentence(left_out: Collection[int], before: Collection[int]) -> str:
+    """That the error after a step is of other poses than those before, since other ones are outliers then; empty where
+    they are the same."""
+    again, anew = len({*before} - {*left_out}), len({*left_out} - {*before})
+    said = [
+        f"{poses_count(count)} {one if count == 1 else more}"
+        for count, one, more in ((again, "counts again", "count again"), (anew, "is left out", "are left out"))
+        if count
+    ]
+    return f"{' and '.join(said)}: the errors before, and what it explains, are of other poses" if said else ""
 
 
 def error_raised_sentence(before: DeployedError, after: DeployedError) -> str:

@@ -74,11 +74,13 @@ class DeployedError:
         return cls(error_stats(residual[rows]), error_stats(others), fewer=len(rows))
 
     def as_json(self) -> dict[str, object]:
-        """The table `as_deployed`."""
+        """The table `as_deployed`; `rms_95_mm`: the RMS at other poses like these, while the arm stays as it is."""
         more = {
             "otherwise": self.otherwise, "time_unknown": self.time_unknown, "among_measured": self.among_measured,
         }  # fmt: skip
-        part = {} if self.fewer is None else {"poses": self.fewer}
+        part: dict[str, object] = {} if self.fewer is None else {"poses": self.fewer}
+        if self.now.rms_between is not None:
+            part["rms_95_mm"] = [1e3 * end for end in self.now.rms_between]
         return {**self.now.as_json(), **part, **{name: one.as_json() for name, one in more.items() if one is not None}}
 
 

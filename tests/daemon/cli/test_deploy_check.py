@@ -97,6 +97,12 @@ def test_a_model_without_effects_of_a_session_is_deployed_as_it_is(tmp_path: Pat
     assert re.fullmatch(rf"expected at the tip: {re.escape(known)}, {alone}", line)
 
 
+def test_the_interval_of_the_error_is_said_where_the_file_has_it(tmp_path: Path) -> None:
+    known = STEP.format(long="deployed_95_mm = [1.31, 1.72]")
+    (line,) = Deployment.of_file(written(tmp_path, MODEL + COVARIANCE + known)).lines()
+    assert "at poses not in the fit, 1.31 to 1.72 mm (95 %) while the arm stays as it is, " in line
+
+
 def test_what_is_left_out_is_weighed_by_the_standard_error(tmp_path: Path) -> None:
     slight, strong = (
         Deployment.of_file(written(tmp_path, DRIFTING.format(drift=drift) + COVARIANCE + STATE.replace("0.01", offset)))

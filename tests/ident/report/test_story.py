@@ -149,6 +149,12 @@ def test_auto_says_which_candidates_act_otherwise(misspecified: tuple[str, ...],
     assert ("as the noise is not known" in words) == (noise is None and not misspecified)
 
 
+def test_the_error_as_deployed_comes_with_its_interval(file: ModelFile) -> None:
+    known = step("add mass@link5", 1.7, 1.9, deployed_rms_mm=2.2, deployed_95_mm=[2.0, 2.42])
+    story = told(file_of(*file.history[:2], known))
+    assert dict(story.facts)["as deployed"].startswith("2.20 mm RMS (2.00 to 2.42, 95 %)")
+
+
 def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
     """Else the card says *identified* where the verdict says that these poses cannot distinguish it."""
     one, other = "servo_gain@joint1", "cable_spring@joint1"
