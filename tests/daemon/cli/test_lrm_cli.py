@@ -342,8 +342,7 @@ def test_a_motion_that_ends_early_is_exit_code_1(
 
     def brown_out(_: InMemoryDaemon, tail: str, before=InMemoryDaemon.state) -> object:
         if tail == "state/mode":
-            daemon.sim.board.power_cycle(daemon.sim.now)
-            daemon.sim.outputs = daemon.sim._pulses()
+            daemon.sim.brown_out()
         return before(daemon, tail)
 
     with mock.patch.object(InMemoryDaemon, "state", brown_out):

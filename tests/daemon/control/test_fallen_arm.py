@@ -34,21 +34,12 @@ def armed(config: Config, torque: tuple[float, ...]) -> ArmedDaemon:
     return sim
 
 
-def estop(sim: SimulatedDaemon) -> None:
-    sim.estop_requested = True
-    sim.core.estop(sim.now, "x")
-
-
-def silence(sim: SimulatedDaemon) -> None:
-    sim.stop_ramp(1_200_000_000)
-
-
 ENDS: dict[str, Callable[[SimulatedDaemon], object]] = {
-    "estop": estop,
+    "estop": SimulatedDaemon.estop,
     "relax": lambda sim: sim.core.handle(RelaxRequest(lease=take(sim)), sim.now),
     "relax joint 2": lambda sim: sim.core.handle(RelaxRequest(lease=take(sim), servos=["joint2"]), sim.now),
     "disarm": lambda sim: sim.core.handle(DisarmRequest(lease=take(sim)), sim.now),
-    "silence": silence,
+    "silence": lambda sim: sim.stop_ramp(1_200_000_000),
 }
 
 
@@ -121,7 +112,7 @@ def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> No
         sim.core.handle(HoldRequest(), sim.now)
         sim.run(6)
     moved = sim.ramp.position != before[: len(sim.ramp.position)]
-    estop(sim)
+    sim.estop()
     sim.run(6)
     assert bool(sim.core.fallen.bits) == (moved and not held)
 

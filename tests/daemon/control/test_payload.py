@@ -241,14 +241,7 @@ def test_torques_of_the_thermal_model_have_the_centre(sim: ArmedDaemon, config: 
 
 def test_a_centre_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: ArmedDaemon) -> None:
     """The same mass at the TCP is borne; further out joint 2 would be too hot."""
-    sim.core.motion_check.torques = lambda _, payload, centre: (
-        0.0,
-        payload * (1.0 + 200.0 * centre[2]),
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    )
+    sim.core.motion_check.torques = lambda _, payload, at: (0.0, payload * (1.0 + 200.0 * at[2]), 0.0, 0.0, 0.0, 0.0)
     carry(sim, 0.5)
     with pytest.raises(RequestError, match="joint2 would hold") as refused:
         carry(sim, 0.5, OUTWARDS)

@@ -40,24 +40,13 @@ def armed(config: Config) -> ArmedDaemon:
     return sim
 
 
-def estop(sim: SimulatedDaemon, _: str) -> None:
-    sim.estop_requested = True
-    sim.core.estop(sim.now, "x")
-
-
-def brown_out(sim: SimulatedDaemon, _: str) -> None:
-    sim.board.power_cycle(sim.now)
-    sim.outputs = sim._pulses()
-    sim.run(10)
-
-
 STOPS: dict[str, Callable[[SimulatedDaemon, str], object]] = {
     "hold": lambda sim, _: sim.core.handle(HoldRequest(), sim.now),
-    "estop": estop,
+    "estop": lambda sim, _: sim.estop(),
     "relax": lambda sim, token: sim.core.handle(RelaxRequest(lease=token), sim.now),
     "relax one": lambda sim, token: sim.core.handle(RelaxRequest(lease=token, servos=["joint6"]), sim.now),
     "disarm": lambda sim, token: sim.core.handle(DisarmRequest(lease=token), sim.now),
-    "brown-out": brown_out,
+    "brown-out": lambda sim, _: (sim.brown_out(), sim.run(10)),
     "the ramp restarts": lambda sim, _: (sim.restart_ramp(), sim.run(6)),
 }
 ORDERS: dict[str, Callable[[str, int], MotionRequest]] = {
