@@ -249,16 +249,12 @@ def test_the_best_neighbouring_counts_are_no_worse_than_rounding(seed: int, freq
     each, best = (solve.solve(goal_of(tools[0]), method=Direct(), rounding=rounding) for rounding in Rounding)
     assert isinstance(each, Solved)
     assert isinstance(best, Solved)
-    assert each.rounded is not None
-    assert best.rounded is not None
     assert best.rounded.error <= each.rounded.error + 1e-12
     clock = PwmClock(frequency)
     for reply in (each, best):
         rounded = reply.rounded
-        assert rounded is not None
         assert math.dist(solve.forward(rounded.q).tcp, reply.goal.position) == pytest.approx(rounded.error, abs=1e-8)
         for joint, q, count, angle in zip(table_b2().arm.joints, reply.q, rounded.counts, rounded.q, strict=True):
-            assert joint.servo is not None
             assert float(joint.servo.angle_of(clock.pulse_of(count))) == pytest.approx(angle, abs=1e-12)
             assert abs(float(joint.servo.pulse_of(q)) - float(clock.pulse_of(count))) <= clock.count_s
             assert joint.lower <= angle <= joint.upper or reply is each
@@ -281,11 +277,9 @@ def test_quantisation_gives_the_clock_and_is_not_compensated() -> None:
     solve = CalibratedSolver.of(model)
     _, tools = reachable(table_b2(), 1, 20, 0.0)
     reply = solve.solve(goal_of(tools[0]), method=Direct())
-    assert solve.servos is not None
     assert solve.servos.clock == PwmClock(100.0)
     assert isinstance(reply, Solved)
     assert reply.predicted_error <= EXACT
-    assert reply.rounded is not None
     assert reply.rounded.error > 1e-5
 
 
@@ -297,7 +291,6 @@ def test_uncertainty_matches_monte_carlo() -> None:
     solve = CalibratedSolver.of(model, covariance=Covariance(keys, root @ root.T))
     q = [0.3, -0.4, 0.5, 0.6, -0.7, 0.2]
     uncertainty = solve.forward(q, 0.05).uncertainty
-    assert uncertainty is not None
     columns = [model.position(key) for key in keys]
     tips = []
     for noise in np.random.default_rng(0).normal(size=(400, 3)):
@@ -450,7 +443,6 @@ def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
     _, tools = reachable(model, 3, 34, PAYLOAD)
     for tool in tools:
         found = Direct().find(calibrated, IkQuery(goal_of(tool), PAYLOAD))
-        assert found is not None
         assert found.within
         q = np.array([command.q for command in found.commands])
         at, _ = calibrated.kernel(PAYLOAD).forward(np.array([command.slots for command in found.commands]))

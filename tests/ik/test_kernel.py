@@ -245,7 +245,6 @@ def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: floa
     _, tau = kernel.forward(slots)
     for frame, row, command in zip(tcp, slots, q, strict=True):
         state = kernel.newton(pose(frame[9:], frame[:9].reshape(3, 3).T), row, command.tolist())
-        assert state is not None
         found = state[2].at[0]
         again, _, _ = kernel.settle(np.array([found.q[:6]]), np.array([found.side[:6]]), row[None], 1e-13)
         np.testing.assert_allclose(again[0], row, atol=1e-10)

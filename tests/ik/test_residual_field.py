@@ -119,7 +119,6 @@ def beside_many_starts(model: Model, seed: int, count: int) -> tuple[int, int]:
         reached = [c for row in np.argsort(far)[:200] for c in arm.at_goal(query, library.slots[row])]
         every = distinct([np.array(c.q) for c in reached if c.margin > 0.0])
         found = Direct().find(arm, query)
-        assert found is not None
         rows = np.array([c.q for c in found.within])
         known, lacking = known + len(every), lacking + sum(np.abs(rows - q).max(axis=1).min() > DISTINCT for q in every)
     return known, lacking
@@ -180,7 +179,6 @@ def test_the_uncertainty_of_an_answer_is_that_of_drawn_models(share: float) -> N
         assert isinstance(answer, Solved)
         assert isinstance(less, Solved)
         assert answer.sd is not None
-        assert less.sd is not None
         at = poses_of([answer.q])
         tips = np.array([solve_equilibrium(one, at).tcp[0] for one in drawn])
         assert answer.sd == pytest.approx(np.sqrt(np.trace(np.cov(tips.T))), rel=0.1)
@@ -191,7 +189,6 @@ def test_the_uncertainty_of_an_answer_has_the_variance_of_the_field_there() -> N
     """Nothing else is uncertain: it is the root of F C Fᵀ by the functions of the regression."""
     model, covariance = learned(11)
     field = field_of(model)
-    assert field is not None
     own = covariance.marginal(model, model_of(LAB, [field]))
     solver, functions = CalibratedSolver.of(model, covariance=own), field.over(model.within)
     for q in commands(12, 5).tolist():

@@ -54,8 +54,6 @@ THERE = replace(MODEL, within=replace(MODEL.within, reversion=None))
 
 def away() -> Model:
     """The model far beyond the range."""
-    assert MODEL.within is not None
-    assert MODEL.within.reversion is not None
     changes = MODEL.within.reversion.changes
     return THERE.with_values_of([*changes], [THERE.value(key) + change for key, change in changes.items()])
 

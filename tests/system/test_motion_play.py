@@ -71,9 +71,7 @@ def angles(rover: Rover) -> np.ndarray:
     return np.degrees(rover.commanded_q())
 
 
-def test_it_says_what_it_will_do_goes_along_the_moves_and_ends_at_rest(
-    armed: tuple[DaemonSetup, Rover], tmp_path: Path
-) -> None:
+def test_moves_are_announced_made_and_end_at_rest(armed: tuple[DaemonSetup, Rover], tmp_path: Path) -> None:
     (setup, rover), seen = armed, list[float]()
     words = command(setup, moves_csv(tmp_path / "moves.csv", *THERE_AND_BACK))
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as player:

@@ -134,9 +134,7 @@ LATER = {"another joint moves": another_joint_moves, "another load": another_loa
 
 @pytest.mark.parametrize("later", LATER)
 @pytest.mark.parametrize("bears_more", [False, True])
-def test_a_joint_that_stayed_where_its_pulses_ended_may_fall_later(
-    config: Config, later: str, bears_more: bool
-) -> None:
+def test_a_joint_that_stayed_may_fall_later(config: Config, later: str, bears_more: bool) -> None:
     """Released in balance; then it bears more, and nobody has told."""
     sim = armed(config, BALANCED)
     sim.core.handle(RelaxRequest(lease=take(sim), servos=["joint2"]), sim.now)

@@ -195,7 +195,6 @@ def test_the_guard_follows_the_centre_of_a_load_at_once(sim: ArmedDaemon, config
     assert sim.core.load_at == OUTWARDS
     guard = sim.core.motion_check.guard
     assert isinstance(guard, CollisionGuard)
-    assert guard.model is not None
     assert guard.model.arm == config.arm.with_load_at(OUTWARDS)
     with pytest.raises(RequestError, match="palm and ground"):
         move(sim, LOW)
@@ -211,7 +210,6 @@ def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: ArmedDaemo
     def guarded(core: Controller) -> Arm:
         guard = core.motion_check.guard
         assert isinstance(guard, CollisionGuard)
-        assert guard.model is not None
         return guard.model.arm
 
     sim.core.adopt_guard(guard_of(config.arm, deployed.model), sim.now)

@@ -160,7 +160,6 @@ def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: Arm
     assert sim.core.mode is Mode.ARMED
     assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
     known = sim.core.motion
-    assert known is not None
     assert known.settling(shaped.final_leg).usual < 0.5 * known.settling(plain.final_leg).usual
 
 

@@ -107,7 +107,6 @@ def daemon_at(place: Workcell) -> tuple[SimulatedDaemon, str]:
     sim.core.motion_check.guard = guard_of(place.config.arm, place.model) or sim.core.motion_check.guard
     sim.run(30)
     lease = sim.core.handle(LeaseRequest(action="acquire", holder="test"), sim.now).lease
-    assert lease is not None
     names = place.config.names
     stands = {name: float(q) for name, q in zip(names, START, strict=False)}
     sim.core.handle(ArmRequest(lease=lease.token, where="given", q_rad=stands), sim.now)

@@ -26,8 +26,6 @@ def test_each_bound_of_the_error_without_noise_holds_in_95_percent(own: float) -
 def test_a_noise_by_repeated_poses_widens_the_bounds() -> None:
     stated, repeated = NoiseFloor(SD, "metadata"), NoiseFloor(SD, "replicates", degrees_of_freedom=15.0)
     exact, wide = (floor.error_without(1e-3, POSES) for floor in (stated, repeated))
-    assert exact is not None
-    assert wide is not None
     assert wide[0] < exact[0] < 1e-3 < exact[1] + SD * np.sqrt(3.0)
     assert wide[1] > exact[1]
 

@@ -33,7 +33,6 @@ def test_the_error_of_rounding_is_that_of_the_finer_angles(step_deg: float) -> N
     rounded, tcp = found(written)
     true = solve_equilibrium(model_of(load_arm("lrm-lab"), ()), poses_of(sent)).tcp
     error = float(np.sqrt(((true - tcp) ** 2).sum(axis=1).mean()))
-    assert rounded is not None
     assert np.degrees(rounded.step) == pytest.approx(step_deg)
     assert rounded.tip == pytest.approx(error, rel=0.1)
     assert rounded.explains(np.hypot(error, NOISE), NOISE)
@@ -42,7 +41,6 @@ def test_the_error_of_rounding_is_that_of_the_finer_angles(step_deg: float) -> N
 def test_whole_degrees_that_were_commanded_raise_no_doubt() -> None:
     """The error is then the noise; and one that is far larger has another cause."""
     rounded, _ = found(angles(1.0)[1])
-    assert rounded is not None
     assert not rounded.explains(1.1 * NOISE, NOISE)
     assert not rounded.explains(5.0 * rounded.tip, NOISE)
 

@@ -93,9 +93,7 @@ IN_ORDER = measured(range(1, COUNT + 1), 0.0, 1)
     t0=st.floats(0.0, 1e6),
     session=st.integers(1, 9),
 )
-def test_numbers_and_times_of_other_data_do_not_matter(
-    names: list[str], first: int, order: list[int], t0: float, session: int
-) -> None:
+def test_numbers_and_times_may_differ(names: list[str], first: int, order: list[int], t0: float, session: int) -> None:
     """Predictions and errors are those of the model without such effects, under the same name of the file as well."""
     arm = load_arm(ARM)
     lasting = model_with(arm, LASTING)

@@ -166,7 +166,6 @@ def test_loads_before_a_pose_are_those_of_the_arm_itself(lab: Arm) -> None:
     model = model.with_values_of(["compliance.joint2.k_rad_per_Nm", "creep.joint2.k_rad_per_Nm"], [0.1, K])
     settled = solve_equilibrium(model, poses)
     [slot] = [model.load_slots.index(k) for k in model.load_slots if model.chain.slots[k].key == "joint2.theta"]
-    assert settled.poses.history is not None
     borne = settled.poses.history.visits.loads(model.chain, ("joint2.theta",))[:, 0]
     bare = solve_equilibrium(model_of(lab, ()), replace(poses, history=None)).joint_torque[:, 1]
     own = np.asarray(settled.tau[slot])

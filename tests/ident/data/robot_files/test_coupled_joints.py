@@ -205,9 +205,7 @@ def test_an_export_into_a_body_of_two_hinges_is_refused(tmp_path: Path) -> None:
         ('<joint joint1="j4" joint2="j1" active="false"/>', ""),
     ],
 )
-def test_an_equality_of_joints_that_is_not_linear_is_named_and_its_remedy_works(
-    equality: str, said: str, tmp_path: Path
-) -> None:
+def test_a_nonlinear_equality_of_joints_has_a_remedy(equality: str, said: str, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     path, arm = tmp_path / "arm.xml", tmp_path / "arm.toml"
     path.write_text(BODIES.replace("EQUALITY", f"<equality>{equality}</equality>"))

@@ -131,9 +131,7 @@ ALL = ("/tool", "/base", "/joint_states")
 
 @pytest.mark.long
 @pytest.mark.parametrize("write", [write_cdr, write_json])
-def test_rests_give_tips_and_the_joint_angles_at_them(
-    tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]
-) -> None:
+def test_rests_give_tips_and_joint_angles(tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]) -> None:
     take, data = tmp_path / "take.mcap", tmp_path / "data.csv"
     write(take, ALL)
     words = ["import", take, take, "--arm", "so101", "--tool", "/tool", "--base", "/base", "-o", data]
@@ -149,9 +147,7 @@ def test_rests_give_tips_and_the_joint_angles_at_them(
 
 @pytest.mark.long
 @pytest.mark.parametrize("write", [write_cdr, write_json])
-def test_the_orientation_of_the_tool_against_the_base_reaches_the_file(
-    tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]
-) -> None:
+def test_the_tools_orientation_reaches_the_file(tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]) -> None:
     """The tool stands as the room does, and the base turned in it."""
     take, data = tmp_path / "take.mcap", tmp_path / "data.csv"
     write(take, ALL)

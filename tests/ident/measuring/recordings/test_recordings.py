@@ -494,7 +494,6 @@ def test_rests_shorter_than_twice_the_dwell_name_the_dwell_that_finds_them(tmp_p
     said = stderr_of(*words, "--dwell", "1.7")
     assert "a rest lasts 3.4 s (twice --dwell) or more" in said
     named = re.search(r"(--dwell) ([\d.]+) finds as many", said)
-    assert named is not None
     stdout_of(*words, *named.groups())
     assert numbers(data) == [1, 2, 3, 4]
 
