@@ -267,7 +267,6 @@ def test_what_is_known_survives_a_kill(silence: bool) -> None:
     assert after.known.motion is None, "not before it has pulses: somebody may move it"
     after.arm("stored" if silence else "board")
     known = after.known
-    assert known.running is not None
     np.testing.assert_array_equal(known.motion.side, before.motion.side)
     np.testing.assert_allclose(known.motion.friction, before.motion.friction, atol=1e-12)
     began_anew = known.running < before.running

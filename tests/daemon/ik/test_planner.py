@@ -249,7 +249,6 @@ def test_an_arm_that_stands_within_the_margin_is_led_out_of_it(place: Workcell) 
     way = np.array(found)
     np.testing.assert_allclose(way[[0, -1]], [pose, START], atol=1e-12)
     guard = guard_of(replace(place.config.arm, shapes=replace(place.config.arm.shapes, margin=margin)), place.model)
-    assert guard is not None
     guard(way.tolist(), LOAD)  # what the daemon allows
     clear = np.cumsum(place.sagging(way, LOAD) >= margin)
     assert clear[0] == 0, "it starts within the margin"

@@ -103,7 +103,6 @@ def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, describ
     named = add_effects(base_fit(lab, data), data, effects_at(lab, "eccentricity@joint2")).model
     confirmed = confirm(diagnose(named, data))
     report = report_of(confirmed)
-    assert report.first is not None
     assert report.first.scored.name == "angle_curve@joint2"
     assert (report.verdict, confirmed.describes) == ("effect_describes", True)
     assert 0.5 < report.share < 1.1
@@ -121,7 +120,6 @@ def test_five_waves_a_turn_are_a_gears_ripple(lab: Arm, described: ArmDescriptio
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
     beside = add_effects(found.fit.model, data, effects_at(lab, "eccentricity@joint2")).model
     leading = confirm(diagnose(beside, data)).first
-    assert leading is not None
     assert leading.name == "gear_ripple@joint2", "a special case of the curve, with fewer parameters"
 
 
@@ -271,5 +269,4 @@ def test_a_stop_of_an_upright_shoulder_is_a_curve_of_its_angle(tmp_path: Path, s
     stop = FormulaJoint(SHOULDER, -share, f"np.maximum(q[{SHOULDER}] - {at}, 0.0)")
     model, data = upright_measurements(tmp_path, seed, COUNT, STOP_NOISE, (stop,))
     first = confirm(diagnose(fit_identifiable(model, data, model.keys).fit.model, data)).first
-    assert first is not None
     assert f"eccentricity@joint{SHOULDER}" in (first.name, *variants(first.candidate.effect))

@@ -149,7 +149,6 @@ def by_command(real: Measurements, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_the_real_arm_is_predicted_better(real: Measurements, by_command: tuple[Path, str]) -> None:
     read = read_study(by_command[0], real.source.path)
     before, after = (entry.held_out_rms_mm for entry in read.file.history[-2:])
-    assert after is not None
     assert after < 0.5 * before
     assert read.held_out.error.rms * 1e3 == pytest.approx(after, rel=1e-3)
 

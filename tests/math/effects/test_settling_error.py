@@ -39,7 +39,6 @@ def late(arm: Arm) -> Model:
 
 def stopped_short(poses: Poses) -> Poses:
     """Where the joints stood: by the rows' times, a share of the way from the pose before is missing."""
-    assert poses.t is not None
     order = np.argsort(poses.t)
     q = poses.q.copy()
     q[order[1:]] -= SHARE * (poses.q[order[1:]] - poses.q[order[:-1]])

@@ -53,7 +53,6 @@ def test_its_share_of_the_reach_is_that_of_the_range(seed: int) -> None:
     """A field that is sure in its range speaks there and on a short way beyond, so at the range's share at least."""
     model, covariance = known(Learned(seed))
     coverage = field_coverage(model, covariance)
-    assert coverage.speaks is not None
     share = np.prod([(b - a) / (j.upper - j.lower) for (a, b), j in zip(model.within.angle, LAB.joints, strict=True)])
     assert coverage.outside == pytest.approx(1.0 - share, abs=4.0 * np.sqrt(share / 2000) + 2e-3)
     assert 1.0 - coverage.outside - 1e-12 <= coverage.speaks <= 1.0

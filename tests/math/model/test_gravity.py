@@ -209,7 +209,6 @@ def test_answers_have_it_where_the_arm_file_has_a_vehicle() -> None:
     level = next(service.forward(FkRequest(q_rad=[q])))
     a = np.radians(10.0)
     sloped = next(service.under_gravity((0.0, float(np.sin(a)), float(-np.cos(a)))).forward(FkRequest(q_rad=[q])))
-    assert sloped.tip_over_rad is not None
     assert sloped.tip_over_rad < level.tip_over_rad - 0.5 * a
     answer = next(service.inverse(IkRequest(goals=[GoalEntry(position_m=level.tcp_m)], near_rad=q)))
     assert answer.tip_over_rad == pytest.approx(level.tip_over_rad, abs=0.05)

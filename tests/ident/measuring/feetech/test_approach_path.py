@@ -81,5 +81,4 @@ def test_a_reader_uses_how_far_beside_the_poses_the_arm_came_from(tmp_path: Path
     file.with_suffix(".toml").write_text(stated)
     expected = states_from_beside(q, sides, ARM, APPROACH, np.zeros(len(q), dtype=bool))
     found = load_measurements(file, ARM).poses.friction
-    assert found is not None
     np.testing.assert_allclose(found, expected, atol=1e-6)
