@@ -1,11 +1,25 @@
-"""What a held-out error is without the noise: bounds that hold as often as they say."""
+"""What an error is beyond the noise, beyond what a forecast expects, and beyond the rounding of commanded angles."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.residual.deployment import forecast_error as module
+from lrm_ident.residual.deployment.forecast_error import ForecastError, _Prediction, forecast_error
 from lrm_ident.residual.noise_floor import NoiseFloor
+from lrm_ident.residual.rounded_commands import RoundedCommands, rounded_commands
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.derivatives import joint_jacobian
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
 
 SD, POSES, WORLDS = 3e-4, 80, 4000
 
@@ -32,3 +46,67 @@ def test_a_noise_by_repeated_poses_widens_the_bounds() -> None:
 
 def test_without_a_known_noise_nothing_is_said() -> None:
     assert NoiseFloor(None, "unknown").error_without(1e-3, POSES) is None
+
+
+def test_errors_are_whitened_by_the_covariance_of_noise_and_parameters() -> None:
+    """The squares add up to Mahalanobis' distance, and to the count of the errors where these are as expected."""
+    rng = np.random.default_rng(0)
+    spread, noise, count = 1e-3 * rng.normal(size=(60, 7)), 4e-4, 4000
+    V = noise**2 * np.eye(60) + spread @ spread.T
+    drawn = rng.multivariate_normal(np.zeros(60), V, size=count)
+    predictions = [_Prediction(e.reshape(20, 3), e.reshape(20, 3), spread, noise) for e in drawn]
+    squares = np.array([one.squares(one.followed, noise) for one in predictions])
+    assert squares[0].sum() == pytest.approx(drawn[0] @ np.linalg.solve(V, drawn[0]))
+    assert squares.mean(axis=0) == pytest.approx(3.0, rel=0.08)
+    assert np.corrcoef(squares.T)[0, 1:] == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("kilograms", "forecast"), [(0.0, True), (0.13, False)])
+def test_a_load_that_the_earlier_poses_did_not_bear_is_not_forecast(
+    example_diagnosis: DiagnosisReport, monkeypatch: pytest.MonkeyPatch, kilograms: float, forecast: bool
+) -> None:
+    """A constant arm whose loads were measured one after the other was called changing: 2.26 mm for 0.17."""
+    data, fit = example_diagnosis.diagnosis.data, example_diagnosis.diagnosis.fit
+    payload = np.where(np.arange(len(data)) < 0.6 * len(data), 0.0, kilograms)
+    loaded = replace(data, poses=replace(data.poses, payload=payload))
+    tried = Mock(side_effect=LrmError("tried"))
+    monkeypatch.setattr(module, "_predicted", tried)
+    assert forecast_error(fit.model, loaded, fit.loss, fit.stated) == ForecastError()
+    assert tried.called == forecast
+
+
+NOISE = 2e-4
+
+
+def angles(step_deg: float) -> tuple[Array, Array]:
+    """(N, n), rad: what the servos got, and what was written."""
+    sent = np.random.default_rng(4).uniform(-0.8, 0.8, (200, 6))
+    return sent, np.radians(step_deg * np.round(np.degrees(sent) / step_deg))
+
+
+def found(written: Array) -> tuple[RoundedCommands | None, Array]:
+    settled = solve_equilibrium(model_of(load_arm("lrm-lab"), ()), poses_of(written))
+    return rounded_commands(written, joint_jacobian(settled).transpose(2, 1, 0)), settled.tcp
+
+
+@pytest.mark.parametrize("step_deg", [0.5, 1.0])
+def test_the_error_of_rounding_is_that_of_the_finer_angles(step_deg: float) -> None:
+    sent, written = angles(step_deg)
+    rounded, tcp = found(written)
+    true = solve_equilibrium(model_of(load_arm("lrm-lab"), ()), poses_of(sent)).tcp
+    error = float(np.sqrt(((true - tcp) ** 2).sum(axis=1).mean()))
+    assert np.degrees(rounded.step) == pytest.approx(step_deg)
+    assert rounded.tip == pytest.approx(error, rel=0.1)
+    assert rounded.explains(np.hypot(error, NOISE), NOISE)
+
+
+def test_whole_degrees_that_were_commanded_raise_no_doubt() -> None:
+    """The error is then the noise; and one that is far larger has another cause."""
+    rounded, _ = found(angles(1.0)[1])
+    assert not rounded.explains(1.1 * NOISE, NOISE)
+    assert not rounded.explains(5.0 * rounded.tip, NOISE)
+
+
+def test_finer_angles_explain_nothing() -> None:
+    rounded, _ = found(angles(1.0)[0])
+    assert rounded is None or not rounded.explains(2.5e-3, 0.0)
