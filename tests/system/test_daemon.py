@@ -447,11 +447,7 @@ def test_a_motion_takes_the_stored_pose_back_before_it_begins(tmp_path: Path) ->
             harness.rover.estop()
             harness.daemon.process.kill()
             harness.daemon.process.wait(10.0)
-    with (
-        running_harness(setup) as harness,
-        harness.rover.control("test"),
-        pytest.raises(RequestRefused, match="given"),
-    ):
+    with running_harness(setup) as harness, harness.rover.control("test"), pytest.raises(RequestRefused, match="given"):
         arm_when_ready(harness.rover, "stored")
 
 

@@ -187,8 +187,7 @@ def expected(arm: Arm, servo: str, table: ServoTable) -> Arm:
 
 
 @pytest.mark.parametrize(
-    ("arm", "servo"),
-    [(a, s) for a in SHIPPED for s in (*(f"joint{i}" for i in range(1, 7)), "gripper")],
+    ("arm", "servo"), [(a, s) for a in SHIPPED for s in (*(f"joint{i}" for i in range(1, 7)), "gripper")]
 )
 def test_only_that_servos_table_changes(tmp_path: Path, arm: str, servo: str) -> None:
     before, text = load_arm(arm), SHIPPED[arm].read_text(encoding="utf-8")

@@ -453,6 +453,5 @@ def test_state_machine(tmp_path_factory) -> None:
     for hz in (50.0, 330.0):
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
-        DaemonStateMachine,
-        settings=settings(stateful_step_count=25, suppress_health_check=list(HealthCheck)),
+        DaemonStateMachine, settings=settings(stateful_step_count=25, suppress_health_check=list(HealthCheck))
     )

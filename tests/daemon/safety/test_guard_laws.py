@@ -17,14 +17,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.ik.planner import NoPlan, Planner
 from lrmd.messages.control import JogRequest, MoveRequest
 from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard
-from tests.support.daemon.guarded_sequence import (
-    JOINTS,
-    MARGIN,
-    GuardedSequence,
-    cluttered_arm,
-    configured,
-    soft_model,
-)
+from tests.support.daemon.guarded_sequence import JOINTS, MARGIN, GuardedSequence, cluttered_arm, configured, soft_model
 from tests.support.sweep import examples, seeds, soak
 
 pytestmark = pytest.mark.long

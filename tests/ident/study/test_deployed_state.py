@@ -126,11 +126,7 @@ def test_an_arm_that_goes_on_changing_states_the_error_of_later_poses() -> None:
 
 @pytest.mark.parametrize(
     ("values", "names"),
-    [
-        ({}, ()),
-        ({"drift.joint1.A_rad": 0.05}, (DRIFT,)),
-        ({"session.joint1.step2_rad": 0.04}, (SESSION,)),
-    ],
+    [({}, ()), ({"drift.joint1.A_rad": 0.05}, (DRIFT,)), ({"session.joint1.step2_rad": 0.04}, (SESSION,))],
 )
 def test_what_stands_or_follows_its_law_does_not_go_on(values: dict[str, float], names: tuple[str, ...]) -> None:
     """A law is known less well from its first half than from all of it, and a step only from what follows it."""
