@@ -215,13 +215,9 @@ def industrial_arm() -> Arm:
     """A shoulder over a turntable, two links of 200 mm, a spherical wrist."""
     right = math.pi / 2
     links = [
-        (0, 0.1, 0, right),
-        (0, 0, 0.2, 0),
-        (right, 0, 0, right),
-        (0, 0.2, 0, -right),
-        (0, 0, 0, right),
+        (0, 0.1, 0, right), (0, 0, 0.2, 0), (right, 0, 0, right), (0, 0.2, 0, -right), (0, 0, 0, right),
         (0, 0.05, 0, 0),
-    ]
+    ]  # fmt: skip
     joints = tuple(Joint(theta, d, a, alpha, None, -3.0, 3.0) for theta, d, a, alpha in links)
     return Arm("industrial", (0.0, 0.0, -9.81), Placement(z=0.2, beta=0.3), joints, Placement(x=0.03, alpha=0.2), ())
 

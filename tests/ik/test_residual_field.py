@@ -29,13 +29,8 @@ pytestmark = pytest.mark.long
 LAB = load_arm("lrm-lab")
 LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))
 KNOWN = (
-    "offsets",
-    "compliance",
-    "servo_gain@joint2",
-    "backlash@joint3",
-    "hysteresis@joint4",
-    "coupling@joint5<-joint1",
-)
+    "offsets", "compliance", "servo_gain@joint2", "backlash@joint3", "hysteresis@joint4", "coupling@joint5<-joint1",
+)  # fmt: skip
 UNKNOWN = (*KNOWN, "angle_curve@joint4")
 """With an effect that the kernel has no formula for."""
 

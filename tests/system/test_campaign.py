@@ -50,16 +50,9 @@ class CampaignSetup:
         """`lrm-ident measure` with so many seconds a pose."""
         command = [sys.executable, "-m", "lrm_ident", "measure", str(self.poses), "--connect", self.setup.endpoint]
         return [
-            *command,
-            "--tracker",
-            f"dtrack:{self.port}",
-            "-o",
-            str(self.data),
-            "--pause",
-            f"{pause}",
-            "--dwell",
+            *command, "--tracker", f"dtrack:{self.port}", "-o", str(self.data), "--pause", f"{pause}", "--dwell",
             "0.4",
-        ]
+        ]  # fmt: skip
 
     def rows(self) -> int:
         """Whole rows in the file."""

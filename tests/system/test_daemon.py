@@ -97,14 +97,8 @@ def test_a_client_that_is_killed_leaves_an_arm_that_holds(harness: DaemonHarness
     with harness.rover.control("test"):
         harness.arm()
     command = [
-        str(Path(sys.executable).with_name("lrm")),
-        "--connect",
-        harness.setup.endpoint,
-        "move",
-        "--joint",
-        "1",
-        "85",
-    ]
+        str(Path(sys.executable).with_name("lrm")), "--connect", harness.setup.endpoint, "move", "--joint", "1", "85",
+    ]  # fmt: skip
     mover = subprocess.Popen(command)
     harness.wait_until_moving()
     mover.kill()

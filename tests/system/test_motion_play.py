@@ -124,12 +124,9 @@ def test_a_stop_in_the_middle_ends_it_and_nothing_moves_any_more(
         assert player.poll() is None, player.communicate()[0]
         time.sleep(1.0 if at_rest else 0.0)
         stops: dict[str, Callable[[], object]] = {
-            "hold": rover.hold,
-            "estop": lambda: rover.estop("test"),
-            "taken": lambda: taken_and_given_back(rover),
-            "frozen": lambda: frozen(player, rover),
-            "Ctrl-C": lambda: player.send_signal(signal.SIGINT),
-        }
+            "hold": rover.hold, "estop": lambda: rover.estop("test"), "taken": lambda: taken_and_given_back(rover),
+            "frozen": lambda: frozen(player, rover), "Ctrl-C": lambda: player.send_signal(signal.SIGINT),
+        }  # fmt: skip
         stops[what]()
         if what == "Ctrl-C":
             wait_for(lambda: rover.mode().mode == "holding", "it holds")

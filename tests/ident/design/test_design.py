@@ -251,17 +251,9 @@ def test_where_sides_matter_a_corner_of_the_range_is_one_candidate() -> None:
 def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     poses, figure = tmp_path / "next.csv", tmp_path / "why.svg"
     words = [
-        "--levels",
-        MEASURED_LEVELS,
-        "--separate",
-        ",".join(RIVALS),
-        "-n",
-        "30",
-        "--loads-g",
-        "0,66.3",
-        "--parameters",
+        "--levels", MEASURED_LEVELS, "--separate", ",".join(RIVALS), "-n", "30", "--loads-g", "0,66.3", "--parameters",
         "option1",
-    ]
+    ]  # fmt: skip
     said = stdout_of("design", "lrm-lab", *words, "-o", poses, "--json", tmp_path / "d.json", "--figure", figure)
     assert "Smallest size that is distinguished from all else" in said
     table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach1", "approach6", "repeat_of"])
