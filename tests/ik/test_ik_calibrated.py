@@ -16,7 +16,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict, NotConverged, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
@@ -26,16 +26,14 @@ from lrm_math.ik.methods import Cube, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance
-from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import batch_equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
-from validation.calibrated_ik import with_effects
+from validation.calibrated_ik import SMOOTH, with_effects
 
-SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998
 

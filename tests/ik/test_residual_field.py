@@ -72,11 +72,14 @@ def test_the_kernel_settles_where_python_does(names: tuple[str, ...]) -> None:
 def test_answers_reach_their_goals(names: tuple[str, ...], method: Direct | Cube) -> None:
     """Within and beyond the field's range; each branch settles at the goal, coming from where the arm was."""
     model = with_field(names, 4)
-    solver, solved = CalibratedSolver.of(model), 0
-    assert solver.arm.complete == (names != UNKNOWN)
-    here = tuple(commands(8, 1, 0.5)[0].tolist())
-    goals = commands(5, 12, 0.95).tolist()
-    for q in goals:
+    assert CalibratedSolver.of(model).arm.complete == (names != UNKNOWN)
+    answers_reach_goals(model, commands(5, 12, 0.95), commands(8, 1, 0.5)[0], method)
+
+
+def answers_reach_goals(model: Model, goals: Array, begin: Array, method: Direct | Cube) -> None:
+    """Asserts that each branch of an answer settles at its goal; goals are those of commands (N, n), rad."""
+    solver, here, solved = CalibratedSolver.of(model), tuple(begin.tolist()), 0
+    for q in goals.tolist():
         there = solver.forward(q, near=here)
         found = method.find(solver.arm, IkQuery(Goal(there.tcp, there.rotation), 0.0, here))
         assert isinstance(found, IkSolutions)
