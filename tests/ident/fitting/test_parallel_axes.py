@@ -24,43 +24,16 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import SHARED
+from tests.support.link_matrices import link_matrices, rotation
 from tests.support.sweep import examples
 
 UR5_DATA = SHARED / "data" / "ur5"
 NOISE = 2e-4  # m per axis
 
 
-def rotation(axis: int, angle: float) -> Array:
-    out, (i, j) = np.eye(4), ((axis + 1) % 3, (axis + 2) % 3)
-    out[i, i] = out[j, j] = math.cos(angle)
-    out[j, i], out[i, j] = math.sin(angle), -math.sin(angle)
-    return out
-
-
-def shift(x: float, y: float, z: float) -> Array:
-    out = np.eye(4)
-    out[:3, 3] = x, y, z
-    return out
-
-
 def independent_tcp(arm: Arm, q: Array, turned: dict[int, Array]) -> Array:
     """(N, 3), TCP (m) of the rigid arm by products of matrices, with further motions after some links."""
-
-    def placement(p: Placement) -> tuple[Array, Array]:
-        return shift(p.x, p.y, p.z), rotation(0, p.alpha) @ rotation(1, p.beta) @ rotation(2, p.gamma)
-
-    def link(joint: Joint, angle: float) -> Array:
-        screw = rotation(2, joint.theta + angle) @ shift(joint.a, 0.0, joint.d) @ rotation(0, joint.alpha)
-        return screw @ shift(0.0, 0.0, joint.extra_z or 0.0)
-
-    (place, turn), (tool_place, tool_turn) = placement(arm.base), placement(arm.tool)
-    out = []
-    for angles in q:
-        frame = place @ turn
-        for i, (joint, angle) in enumerate(zip(arm.joints, angles, strict=True)):
-            frame = frame @ link(joint, float(angle)) @ turned.get(i, np.eye(4))
-        out.append((frame @ tool_turn @ tool_place)[:3, 3])
-    return np.array(out)
+    return np.array([link_matrices(arm, angles, turned)[-1][:3, 3] for angles in q])
 
 
 def measured(arm: Arm, q: Array, tcp: Array) -> Measurements:
