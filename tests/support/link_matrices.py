@@ -13,7 +13,7 @@ from lrm_math.arrays import Array
 NOTHING: Mapping[int, Array] = MappingProxyType({})
 
 
-def rotation(axis: int, angle: float) -> Array:
+def turn(axis: int, angle: float) -> Array:
     """(4, 4), about x, y or z."""
     M, c, s = np.eye(4), np.cos(angle), np.sin(angle)
     i, j = [(1, 2), (2, 0), (0, 1)][axis]
@@ -35,12 +35,12 @@ def link_matrices(arm: Arm, q: Array, after: Mapping[int, Array] = NOTHING) -> l
     `after`: further motions (4, 4) after some links, by their number from 0.
     """
     b, t = arm.base, arm.tool
-    out = [shift(b.x, b.y, b.z) @ rotation(0, b.alpha) @ rotation(1, b.beta) @ rotation(2, b.gamma)]
+    out = [shift(b.x, b.y, b.z) @ turn(0, b.alpha) @ turn(1, b.beta) @ turn(2, b.gamma)]
     own = iter(q)
     for number, (_, joint, mimic) in enumerate(arm.chain_order):
         angle = next(own) if mimic is None else mimic.ratio * q[mimic.leader] + mimic.offset
-        screw = rotation(2, joint.theta + angle) @ shift(joint.a, 0, joint.d) @ rotation(0, joint.alpha)
-        link = screw @ rotation(1, joint.beta) @ shift(0, 0, joint.extra_z or 0.0)
+        screw = turn(2, joint.theta + angle) @ shift(joint.a, 0, joint.d) @ turn(0, joint.alpha)
+        link = screw @ turn(1, joint.beta) @ shift(0, 0, joint.extra_z or 0.0)
         out.append(out[-1] @ link @ after.get(number, np.eye(4)))
-    out.append(out[-1] @ rotation(0, t.alpha) @ rotation(1, t.beta) @ rotation(2, t.gamma) @ shift(t.x, t.y, t.z))
+    out.append(out[-1] @ turn(0, t.alpha) @ turn(1, t.beta) @ turn(2, t.gamma) @ shift(t.x, t.y, t.z))
     return out

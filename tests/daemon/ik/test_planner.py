@@ -33,8 +33,8 @@ from lrmd.messages.kinematics import GoalEntry, PlanRequest
 from lrmd.safety.collision_guard import guard_of
 from tests.conftest import TABLE_B2
 from tests.math.collision.test_collision import sampled_distance
-from tests.math.kinematics.test_chain import link_matrices
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.link_matrices import link_matrices
 from tests.support.sweep import soak
 
 START, END = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])

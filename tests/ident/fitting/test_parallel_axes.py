@@ -24,7 +24,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import SHARED
-from tests.support.link_matrices import link_matrices, rotation
+from tests.support.link_matrices import link_matrices, turn
 from tests.support.sweep import examples
 
 UR5_DATA = SHARED / "data" / "ur5"
@@ -55,7 +55,7 @@ def test_beta_is_there_where_axes_are_parallel_and_nowhere_else() -> None:
 def test_a_twisted_parallel_axis_is_fitted_to_the_floor(axis: int) -> None:
     arm, rng = load_arm("so101"), np.random.default_rng(1)
     q = rng.uniform(-1.5, 1.5, (150, 5))
-    tcp = independent_tcp(arm, q, {1: rotation(axis, math.radians(2.0))}) + rng.normal(0, NOISE, (150, 3))
+    tcp = independent_tcp(arm, q, {1: turn(axis, math.radians(2.0))}) + rng.normal(0, NOISE, (150, 3))
     data = measured(arm, q, tcp)
     result = fit_model(nominal_model(arm), data, "identifiable", SQUARED).fit
     assert result.sigma < 1.1 * NOISE
@@ -79,7 +79,7 @@ def test_a_target_near_the_last_axis_is_fitted_to_the_noise(distance: float, see
     x, y, z = rng.normal(0, 0.003, 3).tolist()
     q = rng.uniform(-1.6, 1.6, (80, 6))
     true = replace(drawn, tool=Placement(x=distance + x, y=y, z=0.05 + z))
-    turned = {i: rotation(0, rng.normal(0, 0.01)) @ rotation(2, rng.normal(0, 0.01)) for i in range(5)}
+    turned = {i: turn(0, rng.normal(0, 0.01)) @ turn(2, rng.normal(0, 0.01)) for i in range(5)}
     data = measured(drawn, q, independent_tcp(true, q, turned) + rng.normal(0, NOISE, (80, 3)))
     result = fit_model(nominal_model(drawn), data, "identifiable", SQUARED).fit
     assert result.sigma < 1.3 * NOISE

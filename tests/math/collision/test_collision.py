@@ -29,7 +29,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
-from tests.math.kinematics.test_chain import link_matrices, turn
+from tests.support.link_matrices import link_matrices, turn
 from tests.support.random_arms import random_arm, with_followers
 from tests.support.sweep import examples
 

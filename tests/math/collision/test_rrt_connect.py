@@ -18,7 +18,7 @@ from lrm_math.collision.rrt_connect import NoPath, plan
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError
 from tests.math.collision.test_collision import check_move, sampled_distance
-from tests.math.kinematics.test_chain import link_matrices
+from tests.support.link_matrices import link_matrices
 from tests.support.sweep import examples, soak
 
 START, GOAL = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
