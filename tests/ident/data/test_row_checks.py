@@ -21,7 +21,7 @@ from lrm_ident.data.observations.encoder_readings import EncoderReadings
 from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.observations.positions import Positions, rounding_step
 from lrm_ident.data.observations.touched_points import TouchedPoints
-from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.registration.checked import check_orientations, load_checked
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.source import Source
 from lrm_ident.data.weights.model_error import additional_sd, with_model_error
@@ -314,6 +314,15 @@ def test_an_inverse_orientation(tmp_path: Path) -> None:
     path = as_file(tmp_path, inverse, ["qw", "qx", "qy", "qz"], JOINTS)
     with pytest.raises(FileError, match="negate qx, qy and qz"):
         load_checked(path, load_arm("so101"))
+
+
+def test_a_turned_tool_is_said_unless_assembly_explains_it() -> None:
+    arm, data = load_arm("so101"), so101_data(60, 1)
+    (seen,) = data.of(Orientations)
+    turned = [Orientations(seen.values @ Rotation.from_euler("x", by, degrees=True).as_matrix()) for by in (8.0, 22.0)]
+    check_orientations(arm, data, turned[0])
+    with pytest.raises(FileError, match=r"frame of the tool looks turned by \(2[0-4], "):
+        check_orientations(arm, data, turned[1])
 
 
 @pytest.mark.long
