@@ -14,14 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication, unexplained_structure
+from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.companion import improves_beside
 from lrm_ident.diagnosis.contradiction import NoCause, can_be_contradicted, levels_of_its_own, why_no_cause
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
-from lrm_ident.diagnosis.screening.candidates import FORM, PLAIN
 from lrm_ident.diagnosis.screening.column_sets import stacks_of
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.step import Step
@@ -334,32 +333,6 @@ def test_a_cause_replicates_where_it_helps_in_both_halves(monkeypatch: Patch) ->
 def test_it_helps_by_a_standard_error_in_each_half(errors: float, monkeypatch: Patch) -> None:
     saved = errors * 0.02 / np.sqrt(POSES // 2)
     assert chosen((0.5, 1.0 - saved), (2.0, 2.0), monkeypatch) is (errors > 1.0)
-
-
-def test_a_form_is_spurious_where_functions_explain_much_more(monkeypatch: Patch) -> None:
-    """A form may be a part of a free function; a cause that they make needless is spurious however much it saves."""
-
-    def effect(name: str, priority: int, left: float) -> SimpleNamespace:
-        candidate = SimpleNamespace(priority=priority)
-        return SimpleNamespace(name=name, candidate=candidate, alone=leaving(left), projected=None)
-
-    def leaving(left: float) -> SimpleNamespace:
-        return SimpleNamespace(held_out=np.full(POSES, left))
-
-    beside = SimpleNamespace(baseline=leaving(0.1), explain=lambda _: None)
-    linear = SimpleNamespace(baseline=leaving(1.0), beside=lambda *_: beside)
-    effects = [effect("form", FORM, 0.15), effect("weak form", FORM, 0.5), effect("cause", PLAIN, 0.15)]
-    selection: Any = SimpleNamespace(steps=[SimpleNamespace(linear=linear)], effects=effects)
-    function = SimpleNamespace(covariates=("angle",), place="joint2")
-    for name, found in (
-        ("_squares", {}),
-        ("_select_free", [function]),
-        ("_projected", []),
-        ("improves_prediction", False),
-    ):
-        monkeypatch.setattr(unexplained_structure, name, lambda *_, found=found: found)
-    spurious = unexplained_structure.unexplained_structure(selection, [], None).spurious  # type: ignore[arg-type]
-    assert {*spurious} == {"weak form", "cause"}
 
 
 def test_a_rival_that_is_better_in_one_half_contradicts_it(monkeypatch: Patch) -> None:
