@@ -17,7 +17,13 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of, stdout_of
 from validation.lerobot_dataset import VERSIONS, Recording, write_dataset
-from validation.teleoperation import CAUSES, FollowingArm, ailing_arm, recorded, sound_arm
+from validation.teleoperation import (
+    CAUSES,
+    FollowingArm,
+    ailing_arm,
+    recorded,
+    sound_arm,
+)
 
 pytestmark = pytest.mark.long
 
