@@ -52,13 +52,13 @@ endif
 fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
-test: setup ## ruff, mypy and all tests: first all that compute, three at a time with mypy beside them, then those that need real time, each with a daemon or a board, two at a time
+test: setup ## ruff and all tests: first all that compute, three at a time; then those that need real time, two at a time, with mypy while they wait
 	$(BIN)/ruff check .
 	@mkdir -p $(OUT)
-	$(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
-	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system; tests=$$?; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --durations 40 --ignore tests/system
+	nice -n 19 $(BIN)/mypy > $(OUT)/mypy.log & types=$$!; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(TWO_AT_A_TIME) -rs --durations 20 tests/system; tests=$$?; \
 	wait $$types || { cat $(OUT)/mypy.log; exit 1; }; exit $$tests
-	$(ONE_THREAD) $(BIN)/python -m pytest $(TWO_AT_A_TIME) -rs --durations 20 tests/system
 
 quick: setup ## the unit tests that are marked neither slow nor long, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow and not long"

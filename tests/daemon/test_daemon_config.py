@@ -196,9 +196,7 @@ def checked(tmp_path: Path, old: str, new: str) -> int:
 
 
 @pytest.mark.parametrize("what", MODELS)
-def test_a_model_that_the_start_would_refuse_is_refused_by_the_check(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
-) -> None:
+def test_what_the_start_refuses_the_check_does(tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str) -> None:
     old, new, words = MODELS[what]
     model = tmp_path / "model.toml"
     text = TABLE_B2.read_text(encoding="utf-8")

@@ -48,7 +48,28 @@ def simulated_config() -> Config:
         return config_at(330.0, Path(folder))
 
 
-class DaemonDoor:
+class SimulatedArmDoor:
+    """A door with a simulated daemon's arm behind it: what the chip of its board puts out, and put out last."""
+
+    joints: Sequence[str]
+    _sim: SimulatedDaemon
+    _shaft: list[float]
+
+    def commanded(self) -> Angles:
+        for i, servo in enumerate(self._sim.config.servos[: len(self.joints)]):
+            if (pulse := self._sim.board.chip.pulse(servo.channel)) is not None:
+                self._shaft[i] = servo.angle(round(pulse * 1e9))
+        return tuple(self._shaft)
+
+    def standing(self) -> Angles:
+        return self.commanded()
+
+    def powered(self) -> frozenset[str]:
+        servos, chip = self._sim.config.servos[: len(self.joints)], self._sim.board.chip
+        return frozenset(servo.name for servo in servos if chip.pulse(servo.channel) is not None)
+
+
+class DaemonDoor(SimulatedArmDoor):
     """One daemon, one client with the lease, and an arm that stands where a seed puts it."""
 
     def __init__(self, seed: int) -> None:
@@ -116,20 +137,6 @@ class DaemonDoor:
 
     def _ticked(self) -> None:
         """What else happens in a tick."""
-
-    def commanded(self) -> Angles:
-        pulses = self._sim.board.chip
-        for i, servo in enumerate(self._config.servos[:JOINTS]):
-            if (pulse := pulses.pulse(servo.channel)) is not None:
-                self._shaft[i] = servo.angle(round(pulse * 1e9))
-        return tuple(self._shaft)
-
-    def standing(self) -> Angles:
-        return self.commanded()
-
-    def powered(self) -> frozenset[str]:
-        chip = self._sim.board.chip
-        return frozenset(s.name for s in self._config.servos[:JOINTS] if chip.pulse(s.channel) is not None)
 
     def _ask(self, tail: str, request: Message) -> Reply:
         key = f"lrm/{self._config.robot}/{tail}"

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 from lrmd.client import RequestRefused
-from tests.doors.daemon_door import simulated_config
-from tests.doors.door import Angles, DoorKind
+from tests.doors.daemon_door import SimulatedArmDoor, simulated_config
+from tests.doors.door import DoorKind
 from tests.doors.ros2_door import ALL_GOALS, NOTHING
 from tests.doors.ros2_in_process import PATIENCE_S, InProcessBridge
 from tests.ros2.test_bridge import goal, point, trajectory
@@ -22,11 +22,11 @@ JOINTS = ("joint1", "joint2")
 SLOW_S, LONGEST_STALL_S = 12.0, 0.8
 
 
-class RosBridgeDoor:
+class RosBridgeDoor(SimulatedArmDoor):
     """One client of ROS 2 by topic or action, and all stops; the bridge stalls meanwhile."""
 
     def __init__(self, bridge: InProcessBridge, seed: int) -> None:
-        self._bridge, self._rng = bridge, random.Random(seed)
+        self._bridge, self._sim, self._rng = bridge, bridge.daemon.sim, random.Random(seed)
         self.joints: Sequence[str] = JOINTS
         self._way = self._rng.choice(["topic", "action"])
         self._shaft = [self._rng.uniform(-0.5, 0.5) for _ in JOINTS]
@@ -68,21 +68,6 @@ class RosBridgeDoor:
 
     def pass_time(self, seconds: float) -> None:
         time.sleep(seconds)
-
-    def commanded(self) -> Angles:
-        sim = self._bridge.daemon.sim
-        for i, servo in enumerate(sim.config.servos[: len(JOINTS)]):
-            if (pulse := sim.board.chip.pulse(servo.channel)) is not None:
-                self._shaft[i] = servo.angle(round(pulse * 1e9))
-        return tuple(self._shaft)
-
-    def standing(self) -> Angles:
-        return self.commanded()
-
-    def powered(self) -> frozenset[str]:
-        sim = self._bridge.daemon.sim
-        servos = sim.config.servos[: len(JOINTS)]
-        return frozenset(servo.name for servo in servos if sim.board.chip.pulse(servo.channel) is not None)
 
 
 @contextmanager

@@ -158,7 +158,6 @@ def ros_door(seed: int) -> Iterator[RosDoor]:
     token = stack.peer.token_of(f"{ACTION}/send_goal").replace(str(stack.peer.session.info.zid()), "ZID")
     command = [sys.executable, "-m", "tests.ros2.frozen_client", f"tcp/127.0.0.1:{stack.port}", token]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
-        assert client.stdout is not None
         client.stdout.readline()
         time.sleep(0.2)
         try:

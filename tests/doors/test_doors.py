@@ -10,11 +10,7 @@ from tests.conftest import ROOT
 from tests.doors import ros2_door
 from tests.doors.door import DoorKind
 from tests.doors.elsewhere import ELSEWHERE
-from tests.doors.laws import (
-    nothing_moves_after_a_stop,
-    nothing_moves_after_contact_is_lost,
-    torque_on_moves_nothing,
-)
+from tests.doors.laws import nothing_moves_after_a_stop, nothing_moves_after_contact_is_lost, torque_on_moves_nothing
 from tests.doors.registry import door_kinds, motor_writers
 from tests.support.sweep import seeds
 

@@ -20,9 +20,7 @@ SPEED, ANGLE_DEG, LOOKS = 6.0, 20.0, 60
 
 
 @pytest.mark.parametrize("powered_at", [3.5, 20.5])
-def test_the_arm_warms_up_from_its_first_pulses_by_the_computers_time(
-    powered_at: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_arm_warms_up_from_its_first_pulses(powered_at: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """However long the board ran before, and however fast its clock runs. One look takes a second, a pose two."""
     looks, warmed = iter(range(LOOKS)), dict[float, float]()
     now = 0.0

@@ -51,7 +51,6 @@ def test_a_simulated_rover_ends_with_its_program(tmp_path: Path) -> None:
     program.write_text(PROGRAM, encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     with subprocess.Popen([sys.executable, program], stdout=subprocess.PIPE, text=True, env=environment) as demo:
-        assert demo.stdout is not None
         assert demo.stdout.readline() == "ready\n"
         started = descendants(demo.pid)
         demo.send_signal(signal.SIGTERM)

@@ -16,7 +16,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict, NotConverged, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
@@ -26,16 +26,14 @@ from lrm_math.ik.methods import Cube, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance
-from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import batch_equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
-from validation.calibrated_ik import with_effects
+from validation.calibrated_ik import SMOOTH, with_effects
 
-SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998
 
@@ -249,16 +247,12 @@ def test_the_best_neighbouring_counts_are_no_worse_than_rounding(seed: int, freq
     each, best = (solve.solve(goal_of(tools[0]), method=Direct(), rounding=rounding) for rounding in Rounding)
     assert isinstance(each, Solved)
     assert isinstance(best, Solved)
-    assert each.rounded is not None
-    assert best.rounded is not None
     assert best.rounded.error <= each.rounded.error + 1e-12
     clock = PwmClock(frequency)
     for reply in (each, best):
         rounded = reply.rounded
-        assert rounded is not None
         assert math.dist(solve.forward(rounded.q).tcp, reply.goal.position) == pytest.approx(rounded.error, abs=1e-8)
         for joint, q, count, angle in zip(table_b2().arm.joints, reply.q, rounded.counts, rounded.q, strict=True):
-            assert joint.servo is not None
             assert float(joint.servo.angle_of(clock.pulse_of(count))) == pytest.approx(angle, abs=1e-12)
             assert abs(float(joint.servo.pulse_of(q)) - float(clock.pulse_of(count))) <= clock.count_s
             assert joint.lower <= angle <= joint.upper or reply is each
@@ -281,11 +275,9 @@ def test_quantisation_gives_the_clock_and_is_not_compensated() -> None:
     solve = CalibratedSolver.of(model)
     _, tools = reachable(table_b2(), 1, 20, 0.0)
     reply = solve.solve(goal_of(tools[0]), method=Direct())
-    assert solve.servos is not None
     assert solve.servos.clock == PwmClock(100.0)
     assert isinstance(reply, Solved)
     assert reply.predicted_error <= EXACT
-    assert reply.rounded is not None
     assert reply.rounded.error > 1e-5
 
 
@@ -297,7 +289,6 @@ def test_uncertainty_matches_monte_carlo() -> None:
     solve = CalibratedSolver.of(model, covariance=Covariance(keys, root @ root.T))
     q = [0.3, -0.4, 0.5, 0.6, -0.7, 0.2]
     uncertainty = solve.forward(q, 0.05).uncertainty
-    assert uncertainty is not None
     columns = [model.position(key) for key in keys]
     tips = []
     for noise in np.random.default_rng(0).normal(size=(400, 3)):
@@ -316,7 +307,6 @@ def test_unknown_uncertainty_is_none() -> None:
     assert reply.sd is None
     shaky = CalibratedSolver.of(table_b2(), joint_sd=[0.002] * 6).solve(goal_of(tools[0]), method=Direct())
     assert isinstance(shaky, Solved)
-    assert shaky.sd is not None
     assert 1e-4 < shaky.sd < 5e-3
 
 
@@ -332,7 +322,6 @@ def test_effects_of_a_session_are_never_dropped_silently(name: str) -> None:
     assert isinstance(reply, Solved)
     assert reply.left_out == (name,)
     assert reply.predicted_error <= EXACT
-    assert reply.sd is not None
     assert reply.sd < 1e-3
 
 
@@ -450,7 +439,6 @@ def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
     _, tools = reachable(model, 3, 34, PAYLOAD)
     for tool in tools:
         found = Direct().find(calibrated, IkQuery(goal_of(tool), PAYLOAD))
-        assert found is not None
         assert found.within
         q = np.array([command.q for command in found.commands])
         at, _ = calibrated.kernel(PAYLOAD).forward(np.array([command.slots for command in found.commands]))

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import effects_at
 from lrm_math.ik.answer import IkVerdict, Nearest, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import nearest
@@ -25,15 +25,14 @@ from lrm_math.ik.methods import Direct
 from lrm_math.ik.reach_ball import reach_ball
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
+from validation.calibrated_ik import SMOOTH, with_effects
 
-SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 FORMS = ("point", "along", "pose")
 MODELS = ("nominal", "thesis", "everything")
 LOAD = 0.0663
@@ -51,17 +50,7 @@ def solver(name: str) -> CalibratedSolver:
         return CalibratedSolver.of(model_of(load_arm("lrm-lab"), ()))
     if name == "thesis":
         return CalibratedSolver.of(thesis)
-    have = {(effect.id, effect.place) for effect in thesis.effects}
-    every = [e for kind in SMOOTH for e in effects_at(thesis.arm, kind) if (e.id, e.place) not in have]
-    known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
-    full = model_of(thesis.arm, (*thesis.effects, *every), known)
-    rng = np.random.default_rng(0)
-    sizes = {
-        key: 0.15 * rng.uniform(0.2, 1.0) * p.typical
-        for key, p in zip(full.keys, full.parameters, strict=True)
-        if key not in known and p.fixed is None
-    }
-    return CalibratedSolver.of(model_of(full.arm, full.effects, known | sizes))
+    return CalibratedSolver.of(with_effects(thesis, SMOOTH, 0, 0.15))
 
 
 def goal_of(form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> Goal:
@@ -127,9 +116,7 @@ def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: in
 @pytest.mark.parametrize("form", FORMS)
 @examples(4, 8)
 @given(position=positions, turn=turns)
-def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
-    name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
-) -> None:
+def test_nearest_beats_random_poses(name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> None:
     arm, goal = solver(name).arm, goal_of(form, position, turn)
     found = find(name, goal)
     lower, upper = arm.limits.lower, arm.limits.upper
@@ -153,9 +140,7 @@ def test_nearest_is_idempotent(name: str, form: str, position: tuple[float, ...]
 @pytest.mark.parametrize("name", MODELS)
 @examples(5, 10)
 @given(position=positions, share=st.floats(0.05, 0.95))
-def test_distance_shrinks_linearly_towards_the_nearest_point(
-    name: str, position: tuple[float, ...], share: float
-) -> None:
+def test_distance_shrinks_linearly_to_the_nearest(name: str, position: tuple[float, ...], share: float) -> None:
     found = find(name, point(position))
     reached = np.array(found.goal.position)
     between = reached + share * (np.array(position) - reached)
@@ -202,7 +187,6 @@ def test_distance_of_the_nearest_command_is_that_of_the_move_from_where_the_arm_
     for begin in (limits.lower, limits.upper):
         reply = asked.solve(point((0.9, -0.2, 0.1)), LOAD, begin, method=Direct())
         assert isinstance(reply, Unsolved)
-        assert reply.nearest is not None
         there = asked.forward(reply.nearest.q, LOAD, begin)
         assert math.dist(there.tcp, (0.9, -0.2, 0.1)) == pytest.approx(reply.nearest.distance, abs=1e-8)
         elsewhere = asked.forward(reply.nearest.q, LOAD)

@@ -215,13 +215,9 @@ def industrial_arm() -> Arm:
     """A shoulder over a turntable, two links of 200 mm, a spherical wrist."""
     right = math.pi / 2
     links = [
-        (0, 0.1, 0, right),
-        (0, 0, 0.2, 0),
-        (right, 0, 0, right),
-        (0, 0.2, 0, -right),
-        (0, 0, 0, right),
+        (0, 0.1, 0, right), (0, 0, 0.2, 0), (right, 0, 0, right), (0, 0.2, 0, -right), (0, 0, 0, right),
         (0, 0.05, 0, 0),
-    ]
+    ]  # fmt: skip
     joints = tuple(Joint(theta, d, a, alpha, None, -3.0, 3.0) for theta, d, a, alpha in links)
     return Arm("industrial", (0.0, 0.0, -9.81), Placement(z=0.2, beta=0.3), joints, Placement(x=0.03, alpha=0.2), ())
 
@@ -299,7 +295,6 @@ def test_out_of_reach_by_the_length_of_the_stretched_arm(lab: Arm) -> None:
     out = np.array([math.sin(math.pi / 3), 0.0, math.cos(math.pi / 3)])
     answer = NominalSolver.of(lab).solve(point(shoulder + (wrist + 0.05) * out))
     assert answer.verdict is IkVerdict.OUT_OF_REACH
-    assert answer.nearest is not None
     assert answer.nearest.distance == pytest.approx(0.05, abs=1e-9)
     assert "out of reach" in str(answer)
     assert "50.00 mm" in str(answer)
@@ -315,7 +310,6 @@ def test_outside_limits_names_the_joint_and_the_excess(arm: Arm, seed: int) -> N
     least = min(max(abs(x) - 0.05 for x in branch.q) for branch in free)
     if least > 0.0:
         assert answer.verdict is IkVerdict.OUTSIDE_LIMITS
-        assert answer.violation is not None
         assert answer.violation.excess == pytest.approx(least, abs=1e-6)
         assert f"joint {answer.violation.joint}" in str(answer)
         assert abs(answer.beyond[0].q[answer.violation.joint - 1]) == pytest.approx(0.05 + least, abs=1e-6)

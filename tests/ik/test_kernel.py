@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given, reject
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -39,6 +38,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model, model_of
 from tests.soak import sanitised
+from tests.support.link_matrices import link_matrices
 from tests.support.random_arms import arms, random_arm
 from tests.support.sweep import examples
 
@@ -96,32 +96,12 @@ def hayati_arm(beta: float) -> Arm:
     return replace(arm, joints=tuple(links))
 
 
-def turned(axis: int, angle: float) -> Array:
-    """Homogeneous rotation about x, y or z."""
-    out = np.eye(4)
-    out[:3, :3] = Rotation.from_euler("xyz"[axis], angle).as_matrix()
-    return out
-
-
-def shifted(x: float, y: float, z: float) -> Array:
-    """Homogeneous translation."""
-    out = np.eye(4)
-    out[:3, 3] = x, y, z
-    return out
-
-
 def test_a_drawn_hayati_angle_is_in_the_kernel_and_in_its_seeds() -> None:
     """Frames against a product of matrices; from the equivalent arm, without the angle, every branch leads there."""
     arm = hayati_arm(0.03)
     model = model_of(arm, effects_at(arm, "offsets"), {"offsets.joint2.beta_rad": 0.007})
     q = np.array([0.3, -0.5, 0.9, 0.4, -0.7, 0.2])
-    b, t = arm.base, arm.tool
-    tool = shifted(b.x, b.y, b.z) @ turned(0, b.alpha) @ turned(1, b.beta) @ turned(2, b.gamma)
-    for number, (joint, angle) in enumerate(zip(arm.joints, q, strict=True), 1):
-        tool = tool @ turned(2, joint.theta + angle) @ shifted(joint.a, 0, joint.d) @ turned(0, joint.alpha)
-        tool = tool @ turned(1, joint.beta + (0.007 if number == 2 else 0.0))
-        tool = tool @ shifted(0, 0, joint.extra_z or 0.0)
-    tool = tool @ turned(0, t.alpha) @ turned(1, t.beta) @ turned(2, t.gamma) @ shifted(t.x, t.y, t.z)
+    tool = link_matrices(hayati_arm(0.037), q)[-1]
     kernel, home = flat(model, 0.0), JointErrorModel(model).constants
     np.testing.assert_allclose(kernel.forward((home + q)[None])[0][0], tool, atol=1e-12)
     assert pieper_form(screw_axes_of(equivalent_arm(model))) is not None
@@ -245,7 +225,6 @@ def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: floa
     _, tau = kernel.forward(slots)
     for frame, row, command in zip(tcp, slots, q, strict=True):
         state = kernel.newton(pose(frame[9:], frame[:9].reshape(3, 3).T), row, command.tolist())
-        assert state is not None
         found = state[2].at[0]
         again, _, _ = kernel.settle(np.array([found.q[:6]]), np.array([found.side[:6]]), row[None], 1e-13)
         np.testing.assert_allclose(again[0], row, atol=1e-10)

@@ -29,13 +29,8 @@ pytestmark = pytest.mark.long
 LAB = load_arm("lrm-lab")
 LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))
 KNOWN = (
-    "offsets",
-    "compliance",
-    "servo_gain@joint2",
-    "backlash@joint3",
-    "hysteresis@joint4",
-    "coupling@joint5<-joint1",
-)
+    "offsets", "compliance", "servo_gain@joint2", "backlash@joint3", "hysteresis@joint4", "coupling@joint5<-joint1",
+)  # fmt: skip
 UNKNOWN = (*KNOWN, "angle_curve@joint4")
 """With an effect that the kernel has no formula for."""
 
@@ -77,11 +72,14 @@ def test_the_kernel_settles_where_python_does(names: tuple[str, ...]) -> None:
 def test_answers_reach_their_goals(names: tuple[str, ...], method: Direct | Cube) -> None:
     """Within and beyond the field's range; each branch settles at the goal, coming from where the arm was."""
     model = with_field(names, 4)
-    solver, solved = CalibratedSolver.of(model), 0
-    assert solver.arm.complete == (names != UNKNOWN)
-    here = tuple(commands(8, 1, 0.5)[0].tolist())
-    goals = commands(5, 12, 0.95).tolist()
-    for q in goals:
+    assert CalibratedSolver.of(model).arm.complete == (names != UNKNOWN)
+    answers_reach_goals(model, commands(5, 12, 0.95), commands(8, 1, 0.5)[0], method)
+
+
+def answers_reach_goals(model: Model, goals: Array, begin: Array, method: Direct | Cube) -> None:
+    """Asserts that each branch of an answer settles at its goal; goals are those of commands (N, n), rad."""
+    solver, here, solved = CalibratedSolver.of(model), tuple(begin.tolist()), 0
+    for q in goals.tolist():
         there = solver.forward(q, near=here)
         found = method.find(solver.arm, IkQuery(Goal(there.tcp, there.rotation), 0.0, here))
         assert isinstance(found, IkSolutions)
@@ -119,7 +117,6 @@ def beside_many_starts(model: Model, seed: int, count: int) -> tuple[int, int]:
         reached = [c for row in np.argsort(far)[:200] for c in arm.at_goal(query, library.slots[row])]
         every = distinct([np.array(c.q) for c in reached if c.margin > 0.0])
         found = Direct().find(arm, query)
-        assert found is not None
         rows = np.array([c.q for c in found.within])
         known, lacking = known + len(every), lacking + sum(np.abs(rows - q).max(axis=1).min() > DISTINCT for q in every)
     return known, lacking
@@ -179,8 +176,6 @@ def test_the_uncertainty_of_an_answer_is_that_of_drawn_models(share: float) -> N
         answer, less = solver.solve(goal), alone.solve(goal)
         assert isinstance(answer, Solved)
         assert isinstance(less, Solved)
-        assert answer.sd is not None
-        assert less.sd is not None
         at = poses_of([answer.q])
         tips = np.array([solve_equilibrium(one, at).tcp[0] for one in drawn])
         assert answer.sd == pytest.approx(np.sqrt(np.trace(np.cov(tips.T))), rel=0.1)
@@ -191,7 +186,6 @@ def test_the_uncertainty_of_an_answer_has_the_variance_of_the_field_there() -> N
     """Nothing else is uncertain: it is the root of F C Fᵀ by the functions of the regression."""
     model, covariance = learned(11)
     field = field_of(model)
-    assert field is not None
     own = covariance.marginal(model, model_of(LAB, [field]))
     solver, functions = CalibratedSolver.of(model, covariance=own), field.over(model.within)
     for q in commands(12, 5).tolist():

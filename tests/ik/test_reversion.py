@@ -16,9 +16,6 @@ from lrm_math.effects import effects_at
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.reversion import CORRELATED, Reversion
 from lrm_math.errors import FileError
-from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.calibrated_arm import IkSolutions
-from lrm_math.ik.goal import Goal, IkQuery
 from lrm_math.ik.methods import Direct
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import joint_jacobian
@@ -26,6 +23,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, parameter_tables, range_table, to_model
 from lrm_math.model.uncertainty import open_covariance
+from tests.ik.test_residual_field import answers_reach_goals
 
 LAB = load_arm("lrm-lab")
 LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))
@@ -54,8 +52,6 @@ THERE = replace(MODEL, within=replace(MODEL.within, reversion=None))
 
 def away() -> Model:
     """The model far beyond the range."""
-    assert MODEL.within is not None
-    assert MODEL.within.reversion is not None
     changes = MODEL.within.reversion.changes
     return THERE.with_values_of([*changes], [THERE.value(key) + change for key, change in changes.items()])
 
@@ -94,18 +90,8 @@ def test_derivatives_by_the_angles_are_those_of_the_prediction_and_continuous() 
 
 @pytest.mark.long
 def test_answers_of_the_inverse_reach_their_goals_beyond_the_edge() -> None:
-    solver, solved = CalibratedSolver.of(MODEL), 0
-    here = tuple((0.2 * UPPER).tolist())
-    for q in np.random.default_rng(5).uniform(0.8 * LOWER, 0.8 * UPPER, (10, LAB.dof)).tolist():
-        there = solver.forward(q, near=here)
-        found = Direct().find(solver.arm, IkQuery(Goal(there.tcp, there.rotation), 0.0, here))
-        assert isinstance(found, IkSolutions)
-        solved += bool(found.within)
-        for branch in found.within:
-            side = np.array([branch.direction], dtype=float)
-            settled = solve_equilibrium(MODEL, Poses(np.array([branch.q]), np.zeros(1), side), tolerance=1e-12)
-            assert np.linalg.norm(settled.tcp[0] - there.tcp) < 2e-9
-    assert solved == 10
+    goals = np.random.default_rng(5).uniform(0.8 * LOWER, 0.8 * UPPER, (10, LAB.dof))
+    answers_reach_goals(MODEL, goals, 0.2 * UPPER, Direct())
 
 
 def test_it_goes_into_the_file_and_back_and_a_wrong_one_is_refused() -> None:

@@ -58,9 +58,7 @@ def test_it_compiles_the_kernel(sdist: Path, tmp_path: Path) -> None:
     assert found.stdout.startswith(str(tmp_path))
 
 
-def test_a_compiler_that_fails_is_named_and_the_offline_tool_works_without_the_kernel(
-    sdist: Path, tmp_path: Path
-) -> None:
+def test_without_a_compiler_the_offline_tool_works_without_the_kernel(sdist: Path, tmp_path: Path) -> None:
     own, done = installed(tmp_path / "without", sdist, CC="false", LRM_WITHOUT_KERNEL="1")
     assert done.returncode == 0, done.stderr
     missing = run(own, "-c", KERNEL)
@@ -71,9 +69,7 @@ def test_a_compiler_that_fails_is_named_and_the_offline_tool_works_without_the_k
     assert "45 free parameters" in found.stdout
 
 
-def test_without_that_wish_a_compiler_that_fails_ends_the_installation_with_what_to_do(
-    sdist: Path, tmp_path: Path
-) -> None:
+def test_a_failing_compiler_ends_the_installation_with_advice(sdist: Path, tmp_path: Path) -> None:
     """A daemon without inverse kinematics is no daemon: nobody gets one unasked."""
     _, done = installed(tmp_path / "failed", sdist, CC="false")
     assert done.returncode != 0

@@ -51,9 +51,7 @@ def test_an_integration_is_of_the_projects_version_and_needs_the_project(project
     assert described["requires-python"] == PROJECT["requires-python"]
 
 
-def test_an_integration_has_its_own_code_and_the_project_has_none_of_it(
-    integrations: dict[str, Path], wheel: Path
-) -> None:
+def test_an_integration_has_its_own_code_alone(integrations: dict[str, Path], wheel: Path) -> None:
     for name, own in integrations.items():
         with zipfile.ZipFile(own) as opened, zipfile.ZipFile(wheel) as project:
             tops = {entry.split("/")[0] for entry in opened.namelist()}

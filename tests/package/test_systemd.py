@@ -317,7 +317,6 @@ def test_an_upgrade_leaves_alone_what_a_running_daemon_was_started_from(tmp_path
     )
     command = ["python3", "-c", mapping, str(first / "lib" / "module")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as daemon:
-        assert daemon.stdout is not None
         daemon.stdout.readline()
         said = [build(tmp_path, name).stdout for name in ("two", "three")]
         assert run(first / "bin" / "lrmd").stdout == "one\n"

@@ -134,7 +134,6 @@ def test_the_base_runs_the_daemon_and_says_what_the_offline_tool_needs(wheel: Pa
         [programs / "lrmd", "--config", config, "--simulated"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )
     try:
-        assert daemon.stderr is not None
         assert any('"ready"' in line for line in iter(daemon.stderr.readline, ""))
     finally:
         daemon.send_signal(signal.SIGTERM)

@@ -114,12 +114,9 @@ def test_owners_and_forms_name_what_is_there() -> None:
 def test_no_file_names_an_index_of_packages() -> None:
     """Which index a client asks is for the machine that it runs on to say."""
     places = [
-        *GITHUB.rglob("*.yml"),
-        *(ROOT / "packaging").rglob("*"),
-        *(ROOT / ".devcontainer").iterdir(),
-        ROOT / "Makefile",
-        ROOT / "pyproject.toml",
-    ]
+        *GITHUB.rglob("*.yml"), *(ROOT / "packaging").rglob("*"), *(ROOT / ".devcontainer").iterdir(),
+        ROOT / "Makefile", ROOT / "pyproject.toml",
+    ]  # fmt: skip
     for path in (path for path in places if path.is_file() and path.suffix != ".pyc"):
         text = path.read_text(encoding="utf-8")
         assert not [one for one in INDEXES if one in text], path

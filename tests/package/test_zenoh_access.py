@@ -385,11 +385,7 @@ def test_wrong_certificate_is_refused(certificates: Path) -> None:
         robot = Robot(session, "rover1")
         bare = nobody(f"tls/localhost:{port}")
         bare.insert_json5("transport/link/tls/root_ca_certificate", f'"{certificates}/good/authority.crt"')
-        strangers = (
-            by_certificate(port, certificates / "foreign", "operator"),
-            bare,
-            nobody(f"tcp/127.0.0.1:{port}"),
-        )
+        strangers = (by_certificate(port, certificates / "foreign", "operator"), bare, nobody(f"tcp/127.0.0.1:{port}"))
         for stranger in strangers:
             with pytest.raises(zenoh.ZError), zenoh.open(stranger):
                 pass

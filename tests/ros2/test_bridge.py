@@ -290,9 +290,7 @@ def test_an_action_is_followed_cancelled_and_held_when_its_client_is_lost(tmp_pa
             wait_for(lambda: states() == {3: 6, 4: 4, 5: 5, 7: 6}, "the status of every goal")
 
 
-def test_without_the_option_no_trajectory_is_listened_to_and_hold_and_estop_are_services_all_the_same(
-    tmp_path: Path,
-) -> None:
+def test_without_the_option_only_hold_and_estop_are_served(tmp_path: Path) -> None:
     setup, port = DaemonSetup.make(tmp_path, {**SLOW_BOARD}), free_port()
     empty = {"structure_needs_at_least_one_member": 0}
     with running_daemon(setup), setup.rover() as rover, ros_router(port) as peer:

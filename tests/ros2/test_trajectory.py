@@ -29,9 +29,7 @@ def trajectory(points: list[tuple[tuple[float, ...], float]], at: float = 0.0, *
 
 
 @given(st.lists(st.tuples(ANGLES, st.floats(0.001, 5.0)), min_size=1, max_size=6))
-def test_no_leg_is_slower_than_asked_and_none_is_followed_that_is_too_fast(
-    legs: list[tuple[tuple[float, float], float]],
-) -> None:
+def test_no_leg_is_slower_than_asked_nor_too_fast(legs: list[tuple[tuple[float, float], float]]) -> None:
     t, points, needed, before = 0.0, [], 0.0, (NOW["joint1"], NOW["joint2"])
     for q, seconds in legs:
         t = round(t + seconds, 6)

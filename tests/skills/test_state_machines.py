@@ -63,9 +63,7 @@ def test_a_fetch_as_a_behaviour_tree(trees: Any, daemon: InMemoryDaemon, rover: 
     assert skills_done(daemon) == 7
 
 
-def test_a_tree_fails_where_a_skill_is_refused_and_goes_no_further(
-    trees: Any, daemon: InMemoryDaemon, rover: Rover
-) -> None:
+def test_a_tree_ends_where_a_skill_is_refused(trees: Any, daemon: InMemoryDaemon, rover: Rover) -> None:
     from lrm_skills.behaviours import sequence
 
     root = sequence(rover, "fetch", TOO_FAR)

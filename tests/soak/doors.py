@@ -15,11 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from tests.doors.door import DoorKind
-from tests.doors.laws import (
-    nothing_moves_after_a_stop,
-    nothing_moves_after_contact_is_lost,
-    torque_on_moves_nothing,
-)
+from tests.doors.laws import nothing_moves_after_a_stop, nothing_moves_after_contact_is_lost, torque_on_moves_nothing
 from tests.doors.registry import door_kinds
 from validation.options import Count, asked
 from validation.runner import NO_CASE, refuse

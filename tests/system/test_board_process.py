@@ -63,7 +63,6 @@ def start(link: Path) -> Iterator[Start]:
             [*COMMAND, "--link", str(link), *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
         running.append(process)
-        assert process.stdout is not None
         assert str(link) in process.stdout.readline()
         return process
 

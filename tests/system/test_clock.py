@@ -44,7 +44,6 @@ class Operator:
     def answers(self, question: str, word: str) -> None:
         """Types a word once a question is asked."""
         self.asked(question)
-        assert self._process.stdin is not None
         self._process.stdin.write(word + "\n")
         self._process.stdin.flush()
 

@@ -102,9 +102,7 @@ def test_the_router_process_comes_back_and_nothing_moves_meanwhile(harness: Daem
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 @pytest.mark.parametrize("stop", ["estop", "hold"])
-def test_a_stop_while_the_router_restarts_is_repeated_until_it_is_confirmed(
-    harness: DaemonHarness, stop: str, number: signal.Signals
-) -> None:
+def test_a_stop_is_repeated_until_confirmed(harness: DaemonHarness, stop: str, number: signal.Signals) -> None:
     """The lease is renewed by nobody meanwhile, so that a motion would end by itself, too; pulses would not."""
     with harness.rover.control("test"):
         harness.arm()

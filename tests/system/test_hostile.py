@@ -13,14 +13,9 @@ from tests.soak.hostile.memory import flood, grown, left_by_clients, too_much
 from tests.soak.hostile.trial import trial
 
 SHORT = (
-    "link: garbled",
-    "link: forged",
-    "link: yanked",
-    "link: hidden board",
-    "link: old handshakes",
-    "flood: malformed",
+    "link: garbled", "link: forged", "link: yanked", "link: hidden board", "link: old handshakes", "flood: malformed",
     "kills and stops",
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SHORT)

@@ -112,7 +112,6 @@ def test_fifty_at_once_are_all_answered_each_with_its_own(harness: IkHarness) ->
 
     def one(height: float) -> float:
         (answer,) = harness.ask(GoalEntry(position_m=[0.2, 0.1, height]), deadline_ms=20_000.0).answers
-        assert answer.tcp_m is not None
         return answer.tcp_m[2]
 
     with ThreadPoolExecutor(50) as pool:

@@ -71,9 +71,7 @@ def angles(rover: Rover) -> np.ndarray:
     return np.degrees(rover.commanded_q())
 
 
-def test_it_says_what_it_will_do_goes_along_the_moves_and_ends_at_rest(
-    armed: tuple[DaemonSetup, Rover], tmp_path: Path
-) -> None:
+def test_moves_are_announced_made_and_end_at_rest(armed: tuple[DaemonSetup, Rover], tmp_path: Path) -> None:
     (setup, rover), seen = armed, list[float]()
     words = command(setup, moves_csv(tmp_path / "moves.csv", *THERE_AND_BACK))
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as player:
@@ -126,12 +124,9 @@ def test_a_stop_in_the_middle_ends_it_and_nothing_moves_any_more(
         assert player.poll() is None, player.communicate()[0]
         time.sleep(1.0 if at_rest else 0.0)
         stops: dict[str, Callable[[], object]] = {
-            "hold": rover.hold,
-            "estop": lambda: rover.estop("test"),
-            "taken": lambda: taken_and_given_back(rover),
-            "frozen": lambda: frozen(player, rover),
-            "Ctrl-C": lambda: player.send_signal(signal.SIGINT),
-        }
+            "hold": rover.hold, "estop": lambda: rover.estop("test"), "taken": lambda: taken_and_given_back(rover),
+            "frozen": lambda: frozen(player, rover), "Ctrl-C": lambda: player.send_signal(signal.SIGINT),
+        }  # fmt: skip
         stops[what]()
         if what == "Ctrl-C":
             wait_for(lambda: rover.mode().mode == "holding", "it holds")

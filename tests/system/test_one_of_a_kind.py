@@ -58,9 +58,7 @@ def board_of_version(path: Path, version: int) -> Iterator[None]:
         os.close(slave)
 
 
-def test_a_board_with_another_protocol_is_named_once_with_what_to_flash(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_protocol_is_named_once_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     setup = DaemonSetup.make(tmp_path)
     with board_of_version(setup.link, protocol.VERSION + 1), DaemonProcess(setup) as daemon:
         daemon.ready()

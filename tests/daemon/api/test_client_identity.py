@@ -103,9 +103,7 @@ def test_another_daemon_that_comes_later_is_not_listened_to(daemon: InMemoryDaem
 @pytest.mark.parametrize(
     ("data", "on"), [(b"nonsense", None), (state("boot1", 1), None), (state("boot1", 2**62), "lrm/other/state/faults")]
 )
-def test_nonsense_an_old_reply_and_one_of_another_key_are_passed_over(
-    daemon: InMemoryDaemon, data: bytes, on: str | None
-) -> None:
+def test_old_and_foreign_replies_are_passed_over(daemon: InMemoryDaemon, data: bytes, on: str | None) -> None:
     with Rover("rover") as rover:
         assert rover.boot_id == "boot1"
         answering(daemon, "state/faults", data, on)

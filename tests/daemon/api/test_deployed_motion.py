@@ -78,13 +78,10 @@ def test_deployed_kept_after_a_restart_and_taken_back(config: Config, active: Ac
     assert active.predictor is None
     for text in (TEXT, OTHER):
         deploy(active, text)
-    assert active.predictor is not None
     again = ActiveMotionModel(config, ActiveModel(config, SharedRecords.create()))
-    assert again.predictor is not None
     assert again.predictor.sha256 == active.predictor.sha256
     assert in_use(config) == Path(again.predictor.path).name
     again.undo()
-    assert again.predictor is not None
     assert again.predictor.sha256 != active.predictor.sha256
     again.undo()
     assert again.predictor is None
@@ -139,7 +136,6 @@ def test_the_file_of_the_configuration_is_used_while_none_is_deployed(config: Co
     path.write_text(OTHER)
     named = replace(config, motion=config.motion.model_copy(update={"model": str(path)}))
     moves = ActiveMotionModel(named, ActiveModel(named, SharedRecords.create()))
-    assert moves.predictor is not None
     assert moves.predictor.path == str(path)
     deploy(moves, TEXT)
     assert moves.predictor.path != str(path)
@@ -157,7 +153,6 @@ def test_a_damaged_file_stops_the_start_and_is_taken_back_without_a_daemon(
     file.write_text(CONFIG.read_text("utf-8").replace("/var/lib/lrmd", str(config.state)), "utf-8")
     deploy(active, TEXT)
     path = DeployedVersions.of(config, ModelKind.MOTION).in_use
-    assert path is not None
     assert main(["--config", str(file), "--check"]) == 0
     assert f"motion model {path}" in capsys.readouterr().out
     path.write_text("half a fi", "utf-8")

@@ -101,6 +101,5 @@ def test_a_large_movement_is_asked_for_and_a_larger_one_than_the_reach_refused(c
 @pytest.mark.long
 def test_a_deployment_says_how_far_the_tip_moves(active: ActiveModel) -> None:
     moved = active.deploy(LINK.format(200.0), accept=True).moved
-    assert moved is not None
     assert moved.largest == pytest.approx(0.2, abs=2e-3)
     assert np.isclose(active.deploy(LINK.format(210.0)).moved.largest, 0.01, atol=1e-4)

@@ -109,9 +109,7 @@ def test_a_file_of_the_administrator_may_name_an_arm_by_its_path(config: Config,
     assert deploy_file(config, model).sha256
 
 
-def test_whatever_stops_a_deployment_its_file_is_gone(
-    config: Config, active: ActiveModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_deployment_leaves_none(config: Config, active: ActiveModel, monkeypatch: pytest.MonkeyPatch) -> None:
     for error in (KeyboardInterrupt, MemoryError, RecursionError, SystemExit, ZeroDivisionError, LrmError):
         for owner, step in (model_reload, "check_in_trial"), (model_reload, "load_checked"), (DeployedVersions, "save"):
             with monkeypatch.context() as broken:
@@ -150,9 +148,7 @@ def test_a_trial_holds_no_descriptor_of_its_parent(config: Config) -> None:
 
 
 @given(deployments=st.lists(st.booleans(), max_size=40))
-def test_the_stack_and_the_files_are_bounded_and_agree(
-    tmp_path_factory: pytest.TempPathFactory, deployments: list[bool]
-) -> None:
+def test_stack_and_files_agree_and_are_bound(tmp_path_factory: pytest.TempPathFactory, deployments: list[bool]) -> None:
     """A deployment (True) or an undo: what an undo goes back to is there, and the last one always is."""
     kept = DeployedVersions(tmp_path_factory.mktemp("state"))
     history: list[str] = []

@@ -19,15 +19,8 @@ from tests.support.daemon.daemon_process import DaemonSetup
 
 PUTS = 3000
 PATTERNS = (
-    "lrm/**",
-    "**",
-    "lrm/rover/**",
-    "lrm/*/cmd/*",
-    "lrm/**/estop",
-    "lrm/*/*/estop",
-    "lrm/rover/cmd/e$*p",
-    "l$*/**",
-)
+    "lrm/**", "**", "lrm/rover/**", "lrm/*/cmd/*", "lrm/**/estop", "lrm/*/*/estop", "lrm/rover/cmd/e$*p", "l$*/**",
+)  # fmt: skip
 
 
 @st.composite

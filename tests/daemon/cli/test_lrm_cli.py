@@ -218,9 +218,7 @@ def test_what_was_printed_before_an_error_of_the_system_stays(
     assert text.getvalue() == "the result\n"
 
 
-def test_a_move_of_an_arm_without_shapes_says_that_it_was_not_checked(
-    daemon: InMemoryDaemon, does: Callable[..., str]
-) -> None:
+def test_an_unchecked_move_says_that_it_is(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     does("arm", "--q", ZERO)
     assert "checked" not in does("move", "--joint", "2", "10deg")
     daemon.sim.core.motion_check.guard = None
@@ -335,15 +333,12 @@ def test_ctrl_c_holds(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., 
     assert daemon.sim.core.mode is Mode.HOLDING
 
 
-def test_a_motion_that_ends_early_is_exit_code_1(
-    daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]
-) -> None:
+def test_a_motion_that_ends_early_exits_with_1(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]) -> None:
     does("arm", "--q", ZERO)
 
     def brown_out(_: InMemoryDaemon, tail: str, before=InMemoryDaemon.state) -> object:
         if tail == "state/mode":
-            daemon.sim.board.power_cycle(daemon.sim.now)
-            daemon.sim.outputs = daemon.sim._pulses()
+            daemon.sim.brown_out()
         return before(daemon, tail)
 
     with mock.patch.object(InMemoryDaemon, "state", brown_out):
@@ -352,9 +347,7 @@ def test_a_motion_that_ends_early_is_exit_code_1(
     assert err == "lrm: the motion ended before its goal: fault (the board lost its power; the arm is limp)\n"
 
 
-def test_a_motion_whose_place_another_clients_took_is_not_said_to_be_there(
-    daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]
-) -> None:
+def test_a_replaced_motion_does_not_arrive(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]) -> None:
     """The other one takes the lease, and moves, between two looks at the mode."""
     does("arm", "--q", ZERO)
     rival: list[str] = []
@@ -657,9 +650,7 @@ def test_documents_use_commands_that_exist() -> None:
 
 @pytest.mark.usefixtures("daemon")
 @pytest.mark.parametrize("command", ["state", "info"])
-def test_a_reader_that_has_gone_is_no_fault(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_gone_reader_is_ok(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     reads, writes = os.pipe()
     os.close(reads)
     with open(writes, "w", encoding="utf-8") as nobody:
@@ -668,9 +659,7 @@ def test_a_reader_that_has_gone_is_no_fault(
     assert capsys.readouterr().err == ""
 
 
-def test_texts_of_a_hostile_peer_are_printed_without_escapes_and_marks_of_direction(
-    daemon: InMemoryDaemon, does: Callable[..., str]
-) -> None:
+def test_hostile_texts_are_printed_without_escapes(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     hostile = "held\x1b]0;own\x07\x1b[2J\u202eevil\u2066\r\nlrm: armed"
     daemon.sim.core.events.append(ControllerEvent("refused", "warning", hostile, {"why": hostile}))
     daemon._flush()

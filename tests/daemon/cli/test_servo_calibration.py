@@ -109,9 +109,7 @@ def test_taking_every_angle_as_it_is_measures_the_daemons_own_table(tmp_path: Pa
 
 @pytest.mark.slow
 @given(n=st.integers(2, 9), shift=st.floats(-20, 20))
-def test_any_number_of_angles_and_nudges_of_the_same_size_shift_every_pulse(
-    tmp_path_factory: pytest.TempPathFactory, n: int, shift: float
-) -> None:
+def test_equal_nudges_shift_every_pulse_alike(tmp_path_factory: pytest.TempPathFactory, n: int, shift: float) -> None:
     rover, out = FakeRover(), tmp_path_factory.mktemp("arm") / "arm.toml"
     angles = [-90 + 180 * i / (n - 1) for i in range(n)]
     walked(rover, out, angles, *[word for _ in angles for word in (f"{shift:+.3f}", "")])
@@ -189,8 +187,7 @@ def expected(arm: Arm, servo: str, table: ServoTable) -> Arm:
 
 
 @pytest.mark.parametrize(
-    ("arm", "servo"),
-    [(a, s) for a in SHIPPED for s in (*(f"joint{i}" for i in range(1, 7)), "gripper")],
+    ("arm", "servo"), [(a, s) for a in SHIPPED for s in (*(f"joint{i}" for i in range(1, 7)), "gripper")]
 )
 def test_only_that_servos_table_changes(tmp_path: Path, arm: str, servo: str) -> None:
     before, text = load_arm(arm), SHIPPED[arm].read_text(encoding="utf-8")
@@ -234,9 +231,7 @@ def test_whatever_is_measured_at_the_pin_gives_the_true_oscillator(true: float, 
 
 
 @given(true=oscillators, configured=oscillators, low=st.floats(-95, -40), high=st.floats(40, 95), error=st.floats(0, 1))
-def test_two_angles_give_it_within_what_is_stated(
-    true: float, configured: float, low: float, high: float, error: float
-) -> None:
+def test_two_angles_give_it_as_stated(true: float, configured: float, low: float, high: float, error: float) -> None:
     servo = clocked(configured)
     pulses = tuple(servo.put_out(float(TABLE.pulse_of(math.radians(a)))) for a in (low, high))
     turn = abs(servo.angle_at(pulses[1], true) - servo.angle_at(pulses[0], true))

@@ -34,21 +34,12 @@ def armed(config: Config, torque: tuple[float, ...]) -> ArmedDaemon:
     return sim
 
 
-def estop(sim: SimulatedDaemon) -> None:
-    sim.estop_requested = True
-    sim.core.estop(sim.now, "x")
-
-
-def silence(sim: SimulatedDaemon) -> None:
-    sim.stop_ramp(1_200_000_000)
-
-
 ENDS: dict[str, Callable[[SimulatedDaemon], object]] = {
-    "estop": estop,
+    "estop": SimulatedDaemon.estop,
     "relax": lambda sim: sim.core.handle(RelaxRequest(lease=take(sim)), sim.now),
     "relax joint 2": lambda sim: sim.core.handle(RelaxRequest(lease=take(sim), servos=["joint2"]), sim.now),
     "disarm": lambda sim: sim.core.handle(DisarmRequest(lease=take(sim)), sim.now),
-    "silence": silence,
+    "silence": lambda sim: sim.stop_ramp(1_200_000_000),
 }
 
 
@@ -121,7 +112,7 @@ def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> No
         sim.core.handle(HoldRequest(), sim.now)
         sim.run(6)
     moved = sim.ramp.position != before[: len(sim.ramp.position)]
-    estop(sim)
+    sim.estop()
     sim.run(6)
     assert bool(sim.core.fallen.bits) == (moved and not held)
 
@@ -143,9 +134,7 @@ LATER = {"another joint moves": another_joint_moves, "another load": another_loa
 
 @pytest.mark.parametrize("later", LATER)
 @pytest.mark.parametrize("bears_more", [False, True])
-def test_a_joint_that_stayed_where_its_pulses_ended_may_fall_later(
-    config: Config, later: str, bears_more: bool
-) -> None:
+def test_a_joint_that_stayed_may_fall_later(config: Config, later: str, bears_more: bool) -> None:
     """Released in balance; then it bears more, and nobody has told."""
     sim = armed(config, BALANCED)
     sim.core.handle(RelaxRequest(lease=take(sim), servos=["joint2"]), sim.now)

@@ -29,7 +29,8 @@ from lrmd.messages.control import (
 from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.safety.thermal_model import gravity_torques
-from tests.support.daemon.in_memory_daemon import CONFIG, CYCLE, WALL, SimulatedDaemon
+from tests.support.daemon.armed_daemon import ArmedDaemon, take
+from tests.support.daemon.in_memory_daemon import CONFIG, CYCLE, WALL
 from tests.support.sweep import examples
 
 SECOND = 1_000_000_000
@@ -47,24 +48,18 @@ def config() -> Config:
     return replace(shipped, thermal=thermal, stagger=20_000_000)
 
 
-class HeatingDaemon(SimulatedDaemon):
+class HeatingDaemon(ArmedDaemon):
     """A simulated daemon with the arm's own torques, and a client that keeps its lease while `keeps_lease`."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, config: Config, stored: StoredState | None = None) -> None:
+        self.keeps_lease = False
+        super().__init__(config, stored)
         self.core.motion_check.torques = gravity_torques(self.config.arm, self.config.arm.gravity)
-        self.keeps_lease = True
-        self.token = "none"
-        self.run(30)
         assert self.ramp.link is LinkState.READY
-        self.take_lease()
+        self.keeps_lease, self.token = True, take(self)
 
-    def take_lease(self) -> None:
-        self.token = self.request(LeaseRequest(action="acquire", holder="test", take=True)) or self.token
-
-    def request(self, message: Message) -> str | None:
-        done = self.core.handle(message, self.now)
-        return done.lease.token if done.lease else None
+    def request(self, message: Message) -> None:
+        self.core.handle(message, self.now)
 
     def tick(self) -> None:
         if self.keeps_lease and self.ticks % 20 == 0:
@@ -75,8 +70,8 @@ class HeatingDaemon(SimulatedDaemon):
     def seconds(self, seconds: float) -> None:
         self.run(math.ceil(seconds * SECOND / self.config.tick))
 
-    def arm(self, q: list[float], *others: str) -> None:
-        angles = {f"joint{i}": angle for i, angle in enumerate(q, start=1)} | dict.fromkeys(others, 0.0)
+    def switch_on(self, q: list[float], *others: str) -> None:
+        angles = self.named(q) | dict.fromkeys(others, 0.0)
         self.request(ArmRequest(lease=self.token, where="given", q_rad=angles))
 
     def heat(self, degrees: float, joint: int = 2) -> None:
@@ -96,10 +91,6 @@ class HeatingDaemon(SimulatedDaemon):
         now = self.core.angles(self.ramp.position)
         return all(a == pytest.approx(b, abs=1e-3) for a, b in zip(self.config.rest, now, strict=False))
 
-    @property
-    def limp(self) -> bool:
-        return all(pulse is None for pulse in self.outputs.values())
-
     def codes(self) -> list[str]:
         return [event.code for event in self.core.events]
 
@@ -113,6 +104,14 @@ def stored_at(degrees: float) -> StoredState:
 @pytest.fixture
 def sim(config: Config) -> HeatingDaemon:
     return HeatingDaemon(config)
+
+
+@pytest.fixture
+def leaning(sim: HeatingDaemon) -> HeatingDaemon:
+    """With pulses for a second."""
+    sim.switch_on(LEANING)
+    sim.seconds(1)
+    return sim
 
 
 def armed_hot(config: Config, degrees: float) -> HeatingDaemon:
@@ -130,7 +129,7 @@ def restarted_hot(config: Config, degrees: float) -> HeatingDaemon:
 def reset_hot(config: Config, degrees: float) -> HeatingDaemon:
     """Heated by its own weight until the pulses stopped, then reset."""
     sim = HeatingDaemon(config)
-    sim.arm(STRETCHED)
+    sim.switch_on(STRETCHED)
     sim.seconds(8)
     assert sim.core.mode is Mode.FAULT
     assert sim.limp
@@ -147,16 +146,16 @@ WAYS = [armed_hot, restarted_hot, reset_hot]
 def test_a_servo_that_is_too_hot_is_not_switched_on_and_the_refusal_says_when_it_is_cool_enough(config, way) -> None:
     sim = way(config, 120.0)
     with pytest.raises(RequestError, match=r"joint2 is at 1\d\d degC .* below 85 degC, in \d+ s") as refused:
-        sim.arm(STRETCHED)
+        sim.switch_on(STRETCHED)
     assert (refused.value.code, refused.value.retryable) == ("too_warm", True)
     assert sim.core.mode is Mode.DISARMED
     seconds = refused.value.detail["seconds"]
     assert seconds == pytest.approx(TIME_CONSTANT * math.log(95 / 60), rel=0.1)
     sim.seconds(seconds - 0.5)
     with pytest.raises(RequestError, match="too hot to be switched on"):
-        sim.arm(STRETCHED)
+        sim.switch_on(STRETCHED)
     sim.seconds(0.6)
-    sim.arm(STRETCHED)
+    sim.switch_on(STRETCHED)
 
 
 @pytest.mark.long
@@ -166,7 +165,7 @@ def test_a_servo_that_is_armed_just_below_the_limit_stops_at_it(config, way) -> 
     sim = way(config, 96.0)
     while sim.core.thermal.temperature[1] >= 84.9:
         sim.tick()
-    sim.arm(STRETCHED)
+    sim.switch_on(STRETCHED)
     highest = 0.0
     for _ in range(600):
         sim.tick()
@@ -181,26 +180,24 @@ def test_a_servo_that_is_armed_just_below_the_limit_stops_at_it(config, way) -> 
 def test_a_hot_arm_is_not_armed_since_it_would_move_at_once(config, way) -> None:
     sim = way(config, 92.0)
     with pytest.raises(RequestError, match="below 85 degC"):
-        sim.arm(LEANING)
+        sim.switch_on(LEANING)
     sim.seconds(1)
     assert sim.limp
 
 
 @pytest.mark.slow
-def test_an_arm_that_gets_hot_goes_to_rest_and_cools_down_there(sim: HeatingDaemon) -> None:
-    sim.arm(LEANING)
-    sim.seconds(1)
-    sim.heat(92.0)
-    sim.seconds(4)
-    assert sim.core.mode is Mode.ARMED
-    assert sim.at_rest
-    assert not sim.limp
-    sim.seconds(3 * TIME_CONSTANT)
-    assert sim.hottest < 40
-    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint1": 0.05}]))
-    sim.seconds(1)
-    assert sim.core.mode is Mode.ARMED
-    assert not sim.at_rest
+def test_an_arm_that_gets_hot_goes_to_rest_and_cools_down_there(leaning: HeatingDaemon) -> None:
+    leaning.heat(92.0)
+    leaning.seconds(4)
+    assert leaning.core.mode is Mode.ARMED
+    assert leaning.at_rest
+    assert not leaning.limp
+    leaning.seconds(3 * TIME_CONSTANT)
+    assert leaning.hottest < 40
+    leaning.request(MoveRequest(lease=leaning.token, waypoints=[{"joint1": 0.05}]))
+    leaning.seconds(1)
+    assert leaning.core.mode is Mode.ARMED
+    assert not leaning.at_rest
 
 
 def test_a_start_with_a_stored_heat_is_reported(config) -> None:
@@ -209,36 +206,36 @@ def test_a_start_with_a_stored_heat_is_reported(config) -> None:
     assert "servo_hot" not in restarted_hot(config, 60.0).codes()
 
 
-def test_pulses_that_a_fault_left_on_stop_when_the_servo_is_too_hot(sim: HeatingDaemon) -> None:
-    sim.arm(LEANING)
-    sim.seconds(1)
+def unplugged(sim: HeatingDaemon) -> HeatingDaemon:
+    """For so long that the link is lost; the pulses stay."""
     sim.unplugged = 20
     sim.seconds(0.5)
-    assert sim.core.mode is Mode.FAULT
-    assert not sim.limp
-    assert "too_hot" not in sim.core.faults
-    sim.heat(96.0)
-    sim.seconds(0.3)
-    assert "too_hot" in sim.core.faults
-    assert sim.limp
+    assert (sim.core.mode, sim.limp) == (Mode.FAULT, False)
+    return sim
 
 
-def test_the_pulses_stop_as_soon_as_the_link_is_back(sim: HeatingDaemon) -> None:
-    sim.arm(LEANING)
-    sim.seconds(1)
-    sim.unplugged = 60
-    sim.seconds(0.1)
-    sim.heat(96.0)
-    while sim.unplugged:
-        sim.tick()
-    assert not sim.limp
-    sim.seconds(0.3)
-    assert sim.limp
-    assert sim.codes().count("servo_too_hot") == 1
+def test_pulses_that_a_fault_left_on_stop_when_the_servo_is_too_hot(leaning: HeatingDaemon) -> None:
+    assert "too_hot" not in unplugged(leaning).core.faults
+    leaning.heat(96.0)
+    leaning.seconds(0.3)
+    assert "too_hot" in leaning.core.faults
+    assert leaning.limp
+
+
+def test_the_pulses_stop_as_soon_as_the_link_is_back(leaning: HeatingDaemon) -> None:
+    leaning.unplugged = 60
+    leaning.seconds(0.1)
+    leaning.heat(96.0)
+    while leaning.unplugged:
+        leaning.tick()
+    assert not leaning.limp
+    leaning.seconds(0.3)
+    assert leaning.limp
+    assert leaning.codes().count("servo_too_hot") == 1
 
 
 def under_way_to_rest(sim: HeatingDaemon) -> None:
-    sim.arm(STRETCHED, "gripper")
+    sim.switch_on(STRETCHED, "gripper")
     sim.seconds(1)
     sim.heat(30.0)
     sim.heat(93.0, joint=1)
@@ -264,7 +261,7 @@ def test_a_client_that_dies_or_fights_for_the_lease_does_not_stop_the_way_to_res
     for step in keep_hot(sim, 6):
         assert step is None
         if sim.ticks % 2:
-            sim.take_lease()
+            sim.token = take(sim)
     assert sim.at_rest
     assert "a hot servo goes to rest" in [e.text.partition(": ")[2] for e in sim.core.events if e.code == "mode"]
 
@@ -294,62 +291,51 @@ def test_a_hold_stops_the_way_to_rest_for_ten_seconds(sim: HeatingDaemon) -> Non
     assert sim.at_rest
 
 
-def test_an_arm_whose_way_to_rest_is_blocked_says_so_once_and_may_be_moved(sim: HeatingDaemon) -> None:
-    sim.arm(LEANING)
-    sim.seconds(1)
+def test_an_arm_whose_way_to_rest_is_blocked_says_so_once_and_may_be_moved(leaning: HeatingDaemon) -> None:
     blocked = True
 
     def guard(path: list[list[float]], *_: object) -> None:
         if blocked and path[-1][1] < -0.7:
             raise LrmError("a wall")
 
-    sim.core.motion_check.guard = guard
-    sim.heat(90.0)
-    sim.seconds(3)
-    assert sim.core.mode is Mode.ARMED
-    assert sim.codes().count("rest_blocked") == 1
-    assert "waypoint" not in next(e.text for e in sim.core.events if e.code == "rest_blocked")
-    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": -0.65}]))
-    sim.seconds(1)
-    assert sim.core.angles(sim.ramp.position)[1] == pytest.approx(-0.65, abs=1e-3)
+    leaning.core.motion_check.guard = guard
+    leaning.heat(90.0)
+    leaning.seconds(3)
+    assert leaning.core.mode is Mode.ARMED
+    assert leaning.codes().count("rest_blocked") == 1
+    assert "waypoint" not in next(e.text for e in leaning.core.events if e.code == "rest_blocked")
+    leaning.request(MoveRequest(lease=leaning.token, waypoints=[{"joint2": -0.65}]))
+    leaning.seconds(1)
+    assert leaning.core.angles(leaning.ramp.position)[1] == pytest.approx(-0.65, abs=1e-3)
     blocked = False
-    sim.heat(90.0)
-    sim.seconds(4)
-    assert sim.at_rest
-    assert sim.codes().count("rest_blocked") == 1
+    leaning.heat(90.0)
+    leaning.seconds(4)
+    assert leaning.at_rest
+    assert leaning.codes().count("rest_blocked") == 1
 
 
-def test_a_reset_of_a_hot_arm_moves_nothing_and_the_next_motion_brings_it_to_rest(sim: HeatingDaemon) -> None:
-    sim.arm(LEANING)
-    sim.seconds(1)
-    sim.heat(90.0)
-    sim.unplugged = 20
-    sim.seconds(0.5)
-    assert (sim.core.mode, sim.limp) == (Mode.FAULT, False)
-    there = sim.ramp.position
-    sim.request(ResetRequest(lease=sim.token))
-    sim.heat(90.0)
-    sim.seconds(0.5)
-    assert (sim.core.mode, sim.ramp.position) == (Mode.HOLDING, there)
-    assert sim.codes().count("rest_waits") == 1
+def test_a_reset_of_a_hot_arm_moves_nothing_and_the_next_motion_brings_it_to_rest(leaning: HeatingDaemon) -> None:
+    leaning.heat(90.0)
+    there = unplugged(leaning).ramp.position
+    leaning.request(ResetRequest(lease=leaning.token))
+    leaning.heat(90.0)
+    leaning.seconds(0.5)
+    assert (leaning.core.mode, leaning.ramp.position) == (Mode.HOLDING, there)
+    assert leaning.codes().count("rest_waits") == 1
     with pytest.raises(RequestError, match=r"would hold 0\.89 instead of 0\.43 Nm"):
-        sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": 0.0}]))
-    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": -0.65}]))
-    sim.seconds(4)
-    assert sim.at_rest
+        leaning.request(MoveRequest(lease=leaning.token, waypoints=[{"joint2": 0.0}]))
+    leaning.request(MoveRequest(lease=leaning.token, waypoints=[{"joint2": -0.65}]))
+    leaning.seconds(4)
+    assert leaning.at_rest
 
 
-def test_an_arm_that_cooled_after_a_reset_goes_to_rest_when_it_is_hot_again(sim: HeatingDaemon) -> None:
-    sim.arm(LEANING)
-    sim.seconds(1)
-    sim.unplugged = 20
-    sim.seconds(0.5)
-    sim.request(ResetRequest(lease=sim.token))
-    sim.seconds(0.2)
-    assert "rest_waits" not in sim.codes()
-    sim.heat(90.0)
-    sim.seconds(4)
-    assert sim.at_rest
+def test_an_arm_that_cooled_after_a_reset_goes_to_rest_when_it_is_hot_again(leaning: HeatingDaemon) -> None:
+    unplugged(leaning).request(ResetRequest(lease=leaning.token))
+    leaning.seconds(0.2)
+    assert "rest_waits" not in leaning.codes()
+    leaning.heat(90.0)
+    leaning.seconds(4)
+    assert leaning.at_rest
 
 
 ACTIONS = st.sampled_from(["arm", "move", "hold", "relax", "reset", "estop", "lease", "no lease", "ramp", "unplug"])
@@ -365,7 +351,7 @@ def test_no_sequence_of_requests_and_faults_heats_a_servo_with_pulses_beyond_the
         with suppress(LrmError):
             match action:
                 case "arm":
-                    sim.arm(STRETCHED)
+                    sim.switch_on(STRETCHED)
                 case "move":
                     sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": 0.3}, {"joint2": -0.5}]))
                 case "hold":
@@ -375,11 +361,10 @@ def test_no_sequence_of_requests_and_faults_heats_a_servo_with_pulses_beyond_the
                 case "reset":
                     sim.request(ResetRequest(lease=sim.token))
                 case "estop":
-                    sim.estop_requested = True
-                    sim.core.estop(sim.now, "x")
+                    sim.estop()
                 case "lease" | "no lease":
                     sim.keeps_lease = action == "lease"
-                    sim.take_lease()
+                    sim.token = take(sim)
                 case "ramp":
                     sim.restart_ramp()
                 case "unplug":

@@ -23,7 +23,6 @@ CYCLE = 3
 
 def acquire(sim: SimulatedDaemon, holder: str, **options) -> str:
     lease = sim.core.handle(LeaseRequest(action="acquire", holder=holder, **options), sim.now).lease
-    assert lease is not None
     return lease.token
 
 
@@ -43,7 +42,6 @@ def moving(config) -> tuple[SimulatedDaemon, str]:
 def expired_between_two_cycles(sim: SimulatedDaemon) -> None:
     """Lets time pass until the lease is over, and the cycle that would see it has not come yet."""
     lease = sim.core.lease
-    assert lease is not None
     while sim.now < lease.until or sim.ticks % CYCLE == CYCLE - 1:
         sim.api_stopped = sim.now + 3 * CYCLE * sim.config.tick >= lease.until
         sim.tick()

@@ -13,6 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from lrm_math.errors import LrmError
 from lrmd.config import load_config
+from lrmd.control.lease import Lease
 from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, next_mode
 from lrmd.messages.control import (
@@ -27,6 +28,7 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from lrmd.ramp.shared_memory import LinkState
+from tests.support.daemon.armed_daemon import ArmedDaemon, take
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
 from tests.support.motion_models import swinging
 
@@ -35,76 +37,60 @@ TICK = 6_500_000
 
 
 @pytest.fixture
-def sim(config) -> SimulatedDaemon:
-    w = SimulatedDaemon(config)
-    w.run(30)
-    assert w.ramp.link is LinkState.READY
-    return w
+def sim(config) -> ArmedDaemon:
+    sim = ArmedDaemon(config)
+    assert sim.ramp.link is LinkState.READY
+    return sim
 
 
-def lease(w: SimulatedDaemon) -> str:
-    return w.core.handle(LeaseRequest(action="acquire", holder="test", take=True), w.now).lease.token
+def armed(sim: ArmedDaemon, q: float = 0.0) -> ArmedDaemon:
+    sim.arm("given", [q] * 6)
+    return sim
 
 
-def keep(w: SimulatedDaemon, token: str, ticks: int) -> None:
-    """Lets time pass with a client that keeps its lease alive."""
-    for _ in range(ticks):
-        if w.ticks % 15 == 0:
-            w.core.handle(LeaseRequest(action="renew", lease=token), w.now)
-        w.tick()
+def on_its_way(sim: ArmedDaemon, ticks: int = 0) -> ArmedDaemon:
+    """Armed, and for so many ticks on a long way of joint 1."""
+    armed(sim).start([1.5])
+    sim.keep(ticks)
+    return sim
 
 
-def armed(w: SimulatedDaemon, q: float = 0.0) -> str:
-    token = lease(w)
-    request = ArmRequest(lease=token, where="given", q_rad={f"joint{i}": q for i in range(1, 7)})
-    seconds = w.core.handle(request, w.now).seconds
-    keep(w, token, int(seconds * SECOND / TICK) + 60)
-    assert w.core.mode is Mode.ARMED
-    return token
+def commanded(sim: SimulatedDaemon, joint: int) -> float:
+    return sim.core.angles(sim.ramp.position)[joint - 1]
 
 
-def commanded(w: SimulatedDaemon, joint: int) -> float:
-    return w.core.angles(w.ramp.position)[joint - 1]
+def test_it_boots_disarmed_with_outputs_off(sim: ArmedDaemon) -> None:
+    assert (sim.core.mode, sim.limp) == (Mode.DISARMED, True)
 
 
-def test_it_boots_disarmed_with_outputs_off(sim: SimulatedDaemon) -> None:
-    assert sim.core.mode is Mode.DISARMED
-    assert all(pulse is None for pulse in sim.outputs.values())
-
-
-def test_arming_at_an_unknown_position_is_refused(sim: SimulatedDaemon) -> None:
+def test_arming_at_an_unknown_position_is_refused(sim: ArmedDaemon) -> None:
     with pytest.raises(LrmError, match="where each servo that is off stands"):
-        sim.core.handle(ArmRequest(lease=lease(sim)), sim.now)
+        sim.core.handle(ArmRequest(lease=take(sim)), sim.now)
 
 
-def test_arming_switches_the_servos_on_one_after_the_other_at_their_positions(sim: SimulatedDaemon) -> None:
-    token = lease(sim)
-    sim.core.handle(ArmRequest(lease=token, where="given", q_rad={f"joint{i}": 0.5 for i in range(1, 7)}), sim.now)
-    counts = []
+def test_arming_switches_the_servos_on_one_after_the_other_at_their_positions(sim: ArmedDaemon) -> None:
+    sim.token, counts = take(sim), []
+    sim.core.handle(ArmRequest(lease=sim.token, where="given", q_rad=sim.named([0.5] * 6)), sim.now)
     for _ in range(250):
-        keep(sim, token, 1)
+        sim.keep(1)
         counts.append(sum(pulse is not None for pulse in sim.outputs.values()))
     assert counts[-1] == 6
-    jumps = [b - a for a, b in itertools.pairwise(counts)]
-    assert max(jumps) == 1
+    assert max(b - a for a, b in itertools.pairwise(counts)) == 1
     assert commanded(sim, 3) == pytest.approx(0.5, abs=1e-6)
 
 
-def test_a_move_ends_at_its_target(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    seconds = sim.core.handle(
-        MoveRequest(lease=token, waypoints=[{"joint1": 0.4}, {"joint1": 0.1, "joint5": -0.3}]), sim.now
-    ).seconds
-    keep(sim, token, int(seconds * SECOND / TICK) + 30)
+def test_a_move_ends_at_its_target(sim: ArmedDaemon) -> None:
+    armed(sim)
+    request = MoveRequest(lease=sim.token, waypoints=[{"joint1": 0.4}, {"joint1": 0.1, "joint5": -0.3}])
+    seconds = sim.core.handle(request, sim.now).seconds
+    sim.keep(int(seconds * SECOND / TICK) + 30)
     assert sim.core.mode is Mode.ARMED
-    assert commanded(sim, 1) == pytest.approx(0.1, abs=1e-6)
-    assert commanded(sim, 5) == pytest.approx(-0.3, abs=1e-6)
+    assert sim.q == pytest.approx([0.1, 0.0, 0.0, 0.0, -0.3, 0.0], abs=1e-6)
 
 
-def test_a_lost_lease_holds_within_half_a_second(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
-    sim.core.handle(LeaseRequest(action="renew", lease=token), sim.now)
+def test_a_lost_lease_holds_within_half_a_second(sim: ArmedDaemon) -> None:
+    on_its_way(sim)
+    sim.core.handle(LeaseRequest(action="renew", lease=sim.token), sim.now)
     start = sim.now
     while sim.ramp.moving or sim.core.mode is Mode.MOVING:
         sim.tick()
@@ -113,139 +99,126 @@ def test_a_lost_lease_holds_within_half_a_second(sim: SimulatedDaemon) -> None:
     assert 0 < commanded(sim, 1) < 1.5
 
 
-def test_a_late_client_gets_its_lease_back_unless_another_had_it(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+def test_a_late_client_gets_its_lease_back_unless_another_had_it(sim: ArmedDaemon) -> None:
+    def acquire(token: str, take: bool = False) -> Lease:
+        return sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=token, take=take), sim.now).lease
+
+    token = on_its_way(sim).token
     with pytest.raises(LrmError, match="has not expired"):
-        sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=token, take=True), sim.now)
+        acquire(token, take=True)
     sim.run(200)
     assert (sim.core.mode, sim.core.why) == (Mode.HOLDING, LEASE_LOST)
     stopped = commanded(sim, 1)
-    again = sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=token), sim.now).lease.token
+    again = acquire(token).token
     sim.run(20)
     assert commanded(sim, 1) == stopped
     with pytest.raises(LrmError, match="lease"):  # what was under way with the old token stays refused
-        sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
-    sim.core.handle(MoveRequest(lease=again, waypoints=[{"joint1": 1.5}]), sim.now)
+        sim.start([1.5])
+    sim.token = again
+    sim.start([1.5])
     sim.run(200)
-    sim.core.handle(LeaseRequest(action="release", lease=lease(sim)), sim.now)
+    sim.core.handle(LeaseRequest(action="release", lease=take(sim)), sim.now)
     with pytest.raises(LrmError, match="another client had one since"):
-        sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=again), sim.now)
+        acquire(again)
 
 
-def test_a_jog_that_is_not_renewed_holds(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), sim.now)
-    keep(sim, token, 60)
+def test_a_jog_that_is_not_renewed_holds(sim: ArmedDaemon) -> None:
+    armed(sim)
+    sim.core.handle(JogRequest(lease=sim.token, rate_rad_per_s={"joint2": -0.1}), sim.now)
+    sim.keep(60)
     assert sim.core.mode is Mode.MOVING
     assert commanded(sim, 2) == pytest.approx(-0.1 * 60 * TICK / SECOND, rel=0.2)
-    keep(sim, token, 40)
+    sim.keep(40)
     assert sim.core.mode is Mode.HOLDING
 
 
-def test_a_jog_stops_where_the_guard_fails(sim: SimulatedDaemon) -> None:
+def test_a_jog_stops_where_the_guard_fails(sim: ArmedDaemon) -> None:
     """A guard may fail for another reason than a collision: no equilibrium of the sagging arm."""
-    token = armed(sim)
 
     def failing_guard(*_: object) -> None:
         raise LrmError("the arm does not settle")
 
-    sim.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), sim.now)
-    keep(sim, token, 20)
+    armed(sim)
+    sim.core.handle(JogRequest(lease=sim.token, rate_rad_per_s={"joint2": -0.1}), sim.now)
+    sim.keep(20)
     assert sim.core.mode is Mode.MOVING
     sim.core.motion_check.guard = failing_guard
-    keep(sim, token, 20)
+    sim.keep(20)
     assert sim.core.mode is Mode.HOLDING
     assert [h.text for h in sim.core.events if h.code == "jog_stopped"] == ["the arm does not settle"]
     with pytest.raises(LrmError, match="does not settle"):
-        sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.1}]), sim.now)
+        sim.start([0.1])
     assert sim.core.mode is Mode.HOLDING
 
 
-def test_a_jog_holds_where_a_servo_cannot_turn_so_fast(sim: SimulatedDaemon) -> None:
+def test_a_jog_holds_where_a_servo_cannot_turn_so_fast(sim: ArmedDaemon) -> None:
     """A servo's table is steeper on one side of the middle. The refusal ended the daemon's loop, and the arm fell."""
-    token = armed(sim, q=-0.2)
-    joint = 4
-    request = JogRequest(lease=token, rate_rad_per_s={f"joint{joint}": 0.2955})
+    armed(sim, q=-0.2)
+    request = JogRequest(lease=sim.token, rate_rad_per_s={"joint4": 0.2955})
     sim.core.handle(request, sim.now)
     while sim.core.mode is Mode.MOVING:
-        keep(sim, token, 15)
+        sim.keep(15)
         if sim.core.orders.jog is not None:
             sim.core.handle(request, sim.now)
     assert (sim.core.mode, sim.core.why) == (Mode.HOLDING, "the jog may not go on")
     assert "at most" in next(event.text for event in sim.core.events if event.code == "jog_stopped")
-    assert abs(commanded(sim, joint)) < 0.1
+    assert abs(commanded(sim, 4)) < 0.1
 
 
-def test_an_emergency_stop_takes_two_ticks_at_most(sim: SimulatedDaemon) -> None:
-    armed(sim)
-    sim.estop_requested = True
-    sim.core.estop(sim.now, "test")
+def test_an_emergency_stop_takes_two_ticks_at_most(sim: ArmedDaemon) -> None:
+    armed(sim).estop()
     sim.run(2)
-    assert all(pulse is None for pulse in sim.outputs.values())
+    assert sim.limp
     sim.run(10)
     assert sim.core.mode is Mode.ESTOP
-    sim.core.handle(ResetRequest(lease=lease(sim)), sim.now)
+    sim.core.handle(ResetRequest(lease=take(sim)), sim.now)
     sim.run(100)
-    assert sim.core.mode is Mode.DISARMED
-    assert all(pulse is None for pulse in sim.outputs.values())
+    assert (sim.core.mode, sim.limp) == (Mode.DISARMED, True)
 
 
-def test_a_lost_stop_frame_is_sent_again(sim: SimulatedDaemon) -> None:
-    armed(sim)
-    sim.lost_in = 5
-    sim.estop_requested = True
-    sim.core.estop(sim.now, "test")
+def test_a_lost_stop_frame_is_sent_again(sim: ArmedDaemon) -> None:
+    armed(sim).lost_in = 5
+    sim.estop()
     sim.run(8)
-    assert all(pulse is None for pulse in sim.outputs.values())
+    assert sim.limp
 
 
-def test_a_restarted_ramp_adopts_the_registers_of_the_board_without_motion(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
-    keep(sim, token, 50)
-    sim.restart_ramp()
-    keep(sim, token, 5)
+def test_a_restarted_ramp_adopts_the_registers_of_the_board_without_motion(sim: ArmedDaemon) -> None:
+    on_its_way(sim, 50).restart_ramp()
+    sim.keep(5)
     there = commanded(sim, 1)
     assert sim.core.mode is Mode.HOLDING
-    keep(sim, token, 100)
+    sim.keep(100)
     assert commanded(sim, 1) == there > 0
     assert sum(pulse is not None for pulse in sim.outputs.values()) == 6
 
 
 @pytest.mark.parametrize("seconds", [0.3, 0.8, 3.0])
-def test_a_suspended_ramp_never_switches_a_sagged_arm_on(sim: SimulatedDaemon, seconds: float) -> None:
-    token = armed(sim)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
-    keep(sim, token, 50)
-    sim.stop_ramp(int(seconds * SECOND))
-    silent = [pulse is None for pulse in sim.outputs.values()]
+def test_a_suspended_ramp_never_switches_a_sagged_arm_on(sim: ArmedDaemon, seconds: float) -> None:
+    on_its_way(sim, 50).stop_ramp(int(seconds * SECOND))
+    silent = sim.limp
     sim.run(200)
-    if all(silent):
-        assert sim.core.mode is Mode.FAULT
-        assert all(pulse is None for pulse in sim.outputs.values())
+    if silent:
+        assert (sim.core.mode, sim.limp) == (Mode.FAULT, True)
     else:
         assert not sim.ramp.moving
 
 
-def test_a_brown_out_is_a_fault_and_a_reset_moves_nothing(sim: SimulatedDaemon) -> None:
-    armed(sim)
-    sim.board.power_cycle(sim.now)
+def test_a_brown_out_is_a_fault_and_a_reset_moves_nothing(sim: ArmedDaemon) -> None:
+    armed(sim).brown_out()
     sim.run(60)
     assert sim.core.mode is Mode.FAULT
     assert "board_restarted" in sim.core.faults
-    sim.core.handle(ResetRequest(lease=lease(sim)), sim.now)
+    sim.core.handle(ResetRequest(lease=take(sim)), sim.now)
     sim.run(100)
-    assert sim.core.mode is Mode.DISARMED
-    assert all(pulse is None for pulse in sim.outputs.values())
+    assert (sim.core.mode, sim.limp) == (Mode.DISARMED, True)
 
 
-def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    seconds = sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.4}]), sim.now).seconds
-    keep(sim, token, 20)
+def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: ArmedDaemon) -> None:
+    seconds = armed(sim).start([0.4])
+    sim.keep(20)
     sim.stall = 8
-    keep(sim, token, int(seconds * SECOND / TICK) + 30)
+    sim.keep(int(seconds * SECOND / TICK) + 30)
     assert commanded(sim, 1) == pytest.approx(0.4, abs=1e-6)
     assert sim.core.mode is Mode.ARMED
 
@@ -254,37 +227,28 @@ def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: SimulatedDaemon
 @given(stall=st.integers(1, 70))
 def test_with_the_shipped_link_times_a_stall_below_490_ms_ends_no_motion(stall: int) -> None:
     """70 ticks are 455 ms; the frame before and the answer after take two more. No pulse jumps afterwards."""
-    sim = SimulatedDaemon(load_config(CONFIG))
-    sim.run(30)
-    token = armed(sim)
-    seconds = sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.2}]), sim.now).seconds
-    keep(sim, token, 20)
+    sim = armed(ArmedDaemon(load_config(CONFIG)))
+    seconds = sim.start([0.2])
+    sim.keep(20)
     sim.stall = stall
-    keep(sim, token, int(seconds * SECOND / TICK) + stall + 30)
+    sim.keep(int(seconds * SECOND / TICK) + stall + 30)
     assert (sim.core.mode, dict(sim.core.faults)) == (Mode.ARMED, {})
     assert commanded(sim, 1) == pytest.approx(0.2, abs=1e-6)
 
 
-def test_a_reconnected_board_stays_without_motion_until_a_reset(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
-    keep(sim, token, 30)
-    sim.unplugged = 20
-    keep(sim, token, 60)
-    assert sim.core.mode is Mode.FAULT
-    assert sim.ramp.link is LinkState.READY
+def test_a_reconnected_board_stays_without_motion_until_a_reset(sim: ArmedDaemon) -> None:
+    on_its_way(sim, 30).unplugged = 20
+    sim.keep(60)
+    assert (sim.core.mode, sim.ramp.link) == (Mode.FAULT, LinkState.READY)
     there = commanded(sim, 1)
-    sim.core.handle(ResetRequest(lease=token), sim.now)
-    keep(sim, token, 60)
+    sim.core.handle(ResetRequest(lease=sim.token), sim.now)
+    sim.keep(60)
     assert sim.core.mode is Mode.HOLDING
     assert commanded(sim, 1) == there
 
 
-def test_a_silent_api_freezes_the_ramp(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
-    keep(sim, token, 9)
-    sim.api_stopped = True
+def test_a_silent_api_freezes_the_ramp(sim: ArmedDaemon) -> None:
+    on_its_way(sim, 9).api_stopped = True
     sim.run(80)
     assert not sim.ramp.moving
     sim.api_stopped = False
@@ -292,28 +256,24 @@ def test_a_silent_api_freezes_the_ramp(sim: SimulatedDaemon) -> None:
     assert sim.core.mode is Mode.HOLDING
 
 
-def test_the_pose_of_a_pulsing_board_is_adopted_without_a_step(sim: SimulatedDaemon) -> None:
+def test_the_pose_of_a_pulsing_board_is_adopted_without_a_step(sim: ArmedDaemon) -> None:
     armed(sim, q=0.7)
-    later = SimulatedDaemon(sim.config, now=sim.now)
-    later.board, later.outputs = sim.board, sim.outputs
-    later.run(10)
-    token = lease(later)
-    later.core.handle(ArmRequest(lease=token, where="board"), later.now)
+    later = ArmedDaemon(sim.config, board=sim.board, now=sim.now)
     later.largest_step = 0.0
-    keep(later, token, 200)
+    later.arm("board")
+    later.keep(200)
     assert later.core.mode is Mode.ARMED
     assert later.largest_step == 0.0
     assert sum(pulse is not None for pulse in later.outputs.values()) == 6
 
 
 @pytest.mark.slow
-def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    sim.torque = (0.0, 0.0, 0.0, 0.25, 0.0, 0.0)
+def test_hot_servos_derate_then_rest_then_stop(sim: ArmedDaemon) -> None:
+    armed(sim).torque = (0.0, 0.0, 0.0, 0.25, 0.0, 0.0)
     modes = []
     for _ in range(3000):
         sim.now += SECOND
-        sim.core.handle(LeaseRequest(action="acquire", holder="test", take=True), sim.now)
+        take(sim)
         sim.board._last_arm = sim.ramp._link._last_sent = sim.now
         sim.run(6)
         modes.append(sim.core.mode)
@@ -323,18 +283,16 @@ def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
     assert codes.index("servo_warm") < codes.index("servo_hot") < codes.index("servo_too_hot")
     assert Mode.MOVING in modes
     sim.run(20)
-    assert sim.core.mode is Mode.FAULT
-    assert all(pulse is None for pulse in sim.outputs.values())
-    assert token
+    assert (sim.core.mode, sim.limp) == (Mode.FAULT, True)
 
 
-def test_a_warm_servo_accepts_no_pose_with_more_torque(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
+def test_a_warm_servo_accepts_no_pose_with_more_torque(sim: ArmedDaemon) -> None:
+    armed(sim)
     sim.core.thermal.temperature = (75.0, *sim.core.thermal.temperature[1:])
     sim.core.motion_check.torques = lambda q, *_: (q[0], 0, 0, 0, 0, 0)
     with pytest.raises(LrmError, match="75 degC"):
-        sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.5}]), sim.now)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint2": 0.5}]), sim.now)
+        sim.start([0.5])
+    sim.start([0.0, 0.5])
 
 
 def test_every_mode_can_be_left_and_only_resets_leave_fault_and_estop() -> None:
@@ -381,11 +339,9 @@ class DaemonStateMachine(RuleBasedStateMachine):
 
     @rule(take=st.booleans())
     def take_lease(self, take: bool) -> None:
-        try:
+        with suppress(LrmError):
             done = self.sim.core.handle(LeaseRequest(action="acquire", holder="x", take=take), self.sim.now)
             self.token = done.lease.token
-        except LrmError:
-            pass
 
     @rule(q=st.dictionaries(JOINT, ANGLE, max_size=6), where=st.sampled_from(["given", "stored", "board"]))
     def arm(self, q: dict[str, float], where) -> None:
@@ -396,10 +352,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
     def arm_all(self) -> None:
         self.take_lease(True)
         self.ask(ArmRequest(lease=self.token, where="given", q_rad={f"joint{i}": 0.0 for i in range(1, 7)}))
-        for _ in range(250):
-            if self.sim.ticks % 20 == 0:
-                self.ask(LeaseRequest(action="renew", lease=self.token))
-            self.sim.tick()
+        self.wait_with_a_renewed_lease(250)
 
     @rule(
         way=st.lists(st.dictionaries(JOINT, ANGLE, min_size=1, max_size=6), min_size=1, max_size=3),
@@ -430,11 +383,10 @@ class DaemonStateMachine(RuleBasedStateMachine):
     def estop(self) -> None:
         w = self.sim
         undisturbed = not (w.stall or w.lost_in or w.unplugged) and w.ramp.link is LinkState.READY
-        w.estop_requested = True
-        w.core.estop(w.now, "x")
+        w.estop()
         w.run(2)
         if undisturbed and w.ramp.link is LinkState.READY:
-            assert all(pulse is None for pulse in w.outputs.values())
+            assert w.limp
 
     @rule(frames=st.integers(1, 20), where=st.sampled_from(["lost_in", "lost_out", "stall", "unplugged"]))
     def disturb(self, frames: int, where: str) -> None:
@@ -442,8 +394,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
 
     @rule()
     def brown_out(self) -> None:
-        self.sim.board.power_cycle(self.sim.now)
-        self.sim.outputs = self.sim._pulses()
+        self.sim.brown_out()
 
     @rule(ticks=st.integers(1, 120))
     def silence_chip(self, ticks: int) -> None:
@@ -502,6 +453,5 @@ def test_state_machine(tmp_path_factory) -> None:
     for hz in (50.0, 330.0):
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
-        DaemonStateMachine,
-        settings=settings(stateful_step_count=25, suppress_health_check=list(HealthCheck)),
+        DaemonStateMachine, settings=settings(stateful_step_count=25, suppress_health_check=list(HealthCheck))
     )

@@ -109,9 +109,7 @@ def test_rpc_fk_and_predict_agree_wherever_the_arm_went(seed: int, orders: list[
 @pytest.mark.long
 @given(seed=st.integers(0, 2**31), orders=ORDERS)
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_stated_direction_and_a_stated_start_are_those_of_a_file(
-    seed: int, orders: list[list[float]], tmp_path: Path
-) -> None:
+def test_stated_directions_and_start_are_those_of_a_file(seed: int, orders: list[list[float]], tmp_path: Path) -> None:
     of, n = model(seed), 6
     q, side = np.array(orders), np.sign(np.random.default_rng(seed).uniform(-1, 1, (len(orders), n)))
     names = [*(f"q{j}_deg" for j in range(1, n + 1)), *(f"approach{j}" for j in range(1, n + 1))]
@@ -139,9 +137,7 @@ def warming(seed: int) -> Model:
 @pytest.mark.filterwarnings("ignore:the file of these poses")
 @given(seed=st.integers(0, 2**31), running=st.floats(0.0, 2e4), goal=st.lists(ANGLES, min_size=6, max_size=6))
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_rpc_fk_and_predict_agree_at_a_known_time_since_power_on(
-    seed: int, running: float, goal: list[float], tmp_path: Path
-) -> None:
+def test_fk_and_predict_agree_since_power_on(seed: int, running: float, goal: list[float], tmp_path: Path) -> None:
     """A file whose poses have that time, and the daemon that kept it; and `rpc/ik` reaches what `rpc/fk` predicts."""
     of = warming(seed)
     ik = IkService.of(config(), DeployedModel(of, None, "", "", ("drift",)))
@@ -265,15 +261,12 @@ def test_what_is_known_survives_a_kill(silence: bool) -> None:
     arm.arm("given", [0.0] * 6)
     arm.go([0.1, -0.1, 0.05, 0.0, 0.1, 0.1], [0.06, -0.1, 0.08, 0.0, 0.05, 0.1])
     before = arm.known
-    assert before.motion is not None
     assert before.running is not None
     assert before.motion.side.tolist() == [-1, -1, 1, 0, -1, 1]
     after = arm.killed(silence)
     assert after.known.motion is None, "not before it has pulses: somebody may move it"
     after.arm("stored" if silence else "board")
     known = after.known
-    assert known.motion is not None
-    assert known.running is not None
     np.testing.assert_array_equal(known.motion.side, before.motion.side)
     np.testing.assert_allclose(known.motion.friction, before.motion.friction, atol=1e-12)
     began_anew = known.running < before.running
@@ -289,13 +282,11 @@ def test_of_a_pose_that_is_given_nothing_is_known() -> None:
     assert arm.known.motion is None
     arm.arm("given", arm.q)
     motion = arm.known.motion
-    assert motion is not None
     assert not motion.side.any()
     assert not motion.friction.any()
     (place,) = service(model(1)).forward(FkRequest(q_rad=[arm.q]), arm.known)
     assert place.direction == [0] * 6
     arm.go([0.12, *arm.q[1:]])
-    assert arm.known.motion is not None
     assert arm.known.motion.side.tolist() == [1, 0, 0, 0, 0, 0]
 
 

@@ -195,7 +195,6 @@ def test_the_guard_follows_the_centre_of_a_load_at_once(sim: ArmedDaemon, config
     assert sim.core.load_at == OUTWARDS
     guard = sim.core.motion_check.guard
     assert isinstance(guard, CollisionGuard)
-    assert guard.model is not None
     assert guard.model.arm == config.arm.with_load_at(OUTWARDS)
     with pytest.raises(RequestError, match="palm and ground"):
         move(sim, LOW)
@@ -211,7 +210,6 @@ def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: ArmedDaemo
     def guarded(core: Controller) -> Arm:
         guard = core.motion_check.guard
         assert isinstance(guard, CollisionGuard)
-        assert guard.model is not None
         return guard.model.arm
 
     sim.core.adopt_guard(guard_of(config.arm, deployed.model), sim.now)
@@ -241,14 +239,7 @@ def test_torques_of_the_thermal_model_have_the_centre(sim: ArmedDaemon, config: 
 
 def test_a_centre_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: ArmedDaemon) -> None:
     """The same mass at the TCP is borne; further out joint 2 would be too hot."""
-    sim.core.motion_check.torques = lambda _, payload, centre: (
-        0.0,
-        payload * (1.0 + 200.0 * centre[2]),
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    )
+    sim.core.motion_check.torques = lambda _, payload, at: (0.0, payload * (1.0 + 200.0 * at[2]), 0.0, 0.0, 0.0, 0.0)
     carry(sim, 0.5)
     with pytest.raises(RequestError, match="joint2 would hold") as refused:
         carry(sim, 0.5, OUTWARDS)

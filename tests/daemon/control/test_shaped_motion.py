@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_math.motion.motion_model import MotionModel
+from lrmd.config import Config
 from lrmd.control.motion_predictor import MotionPredictor
+from lrmd.control.state import RequestResult
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.messages.control import HoldRequest, MoveRequest
 from lrmd.messages.surroundings import ContactEntry
 from lrmd.ramp.shared_memory import RampFault, RampOrder
 from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses, valid_waits
-from tests.daemon.control.test_motion_laws import armed, commanded, keep
-from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from tests.daemon.control.test_motion_laws import commanded
+from tests.support.daemon.armed_daemon import ArmedDaemon
+from tests.support.daemon.in_memory_daemon import config_at
 from tests.support.motion_models import swinging
 from tests.support.sweep import examples, soak
 
@@ -33,13 +38,17 @@ waits = st.lists(st.tuples(st.integers(1, 400), st.integers(1, 12)), max_size=20
 pulses = st.lists(st.integers(500_000, 2_500_000), min_size=3, max_size=3)
 
 
-@pytest.fixture
-def sim(tmp_path) -> SimulatedDaemon:
-    config = config_at(330.0, tmp_path)
-    sim = SimulatedDaemon(config)
-    sim.core.motion = MotionPredictor(config, MODEL)
-    sim.run(30)
+def armed(config: Config, model: MotionModel | None = MODEL) -> ArmedDaemon:
+    """At 0, with a motion model."""
+    sim = ArmedDaemon(config)
+    sim.core.motion = model and MotionPredictor(config, model)
+    sim.arm("given", [0.0] * 6)
     return sim
+
+
+@pytest.fixture
+def sim(tmp_path) -> ArmedDaemon:
+    return armed(config_at(330.0, tmp_path))
 
 
 @given(pulses, pulses, st.lists(st.integers(1, 1000), min_size=3, max_size=3), st.sampled_from(Pace), impulses)
@@ -89,23 +98,19 @@ def test_a_move_that_stays_takes_no_time() -> None:
     assert move((1,) * 3, (1,) * 3, (1000,) * 3, Pace.TOGETHER, ((0, SHARES // 2), (9, SHARES // 2))).length == 0
 
 
-@pytest.mark.parametrize("shape", [((0, SHARES - 1),), ((0, SHARES), (1, 0)), ((MOST_DELAY + 1, SHARES),)])
-def test_impulses_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, shape) -> None:
-    armed(sim)
-    assert not valid_impulses(shape)
-    delay, share = zip(*((*shape, (0, 1)) if shape[-1][1] == 0 else shape), strict=True)
-    order = replace(sim.order, number=sim.order.number + 1, target=sim.ramp.position, delay=delay, share=share)
-    sim.ramp._check_order(RampOrder.unpack(order.pack()), sim.now)
-    assert not sim.ramp.order_accepted
-    assert sim.ramp.fault is RampFault.REFUSED
-
-
-@pytest.mark.parametrize("waits", [((3, 5), (9, 5)), ((3, 5), (3, 5)), ((0, 5),), ((9, MOST_DELAY + 1),)])
-def test_waits_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, waits) -> None:
-    armed(sim)
-    assert not valid_waits(waits)
-    at, ticks = zip(*waits, strict=True)
-    order = replace(sim.order, number=sim.order.number + 1, target=sim.ramp.position, wait_at=at, wait=ticks)
+@pytest.mark.parametrize(("valid", "fields", "rows"), [
+    *((valid_impulses, ("delay", "share"), shape) for shape in (
+        ((0, SHARES - 1),), ((0, SHARES), (1, 0)), ((MOST_DELAY + 1, SHARES),),
+    )),
+    *((valid_waits, ("wait_at", "wait"), waits) for waits in (
+        ((3, 5), (9, 5)), ((3, 5), (3, 5)), ((0, 5),), ((9, MOST_DELAY + 1),),
+    )),
+])  # fmt: skip
+def test_impulses_and_waits_that_are_none_are_refused_by_the_ramp(sim: ArmedDaemon, valid, fields, rows) -> None:
+    assert not valid(rows)
+    columns = zip(*((*rows, (0, 1)) if rows[-1][1] == 0 else rows), strict=True)
+    changes = dict(zip(fields, columns, strict=True))
+    order = replace(sim.order, number=sim.order.number + 1, target=sim.ramp.position, **changes)
     sim.ramp._check_order(RampOrder.unpack(order.pack()), sim.now)
     assert not sim.ramp.order_accepted
     assert sim.ramp.fault is RampFault.REFUSED
@@ -114,23 +119,16 @@ def test_waits_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, waits
 @pytest.mark.long
 def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
     """At 50 Hz. The ramp takes the ticks that the controller foresees; only the last of two legs is timed."""
-    config = config_at(50.0, tmp_path)
-    sim = SimulatedDaemon(config)
-    sim.core.motion = MotionPredictor(config, MODEL)
-    sim.run(30)
-    token = armed(sim)
-    found = {}
+    sim, found = armed(config_at(50.0, tmp_path)), {}
     for shaping in ("off", "timed"):
-        zero = MoveRequest(lease=token, waypoints=[{"joint1": 0.0, "joint2": 0.0}], shaping="off")
-        keep(sim, token, int(sim.core.handle(zero, sim.now).seconds / 0.0065) + 30)
-        request = MoveRequest(lease=token, waypoints=[GOAL], shaping=shaping)
-        found[shaping] = sim.core.handle(request, sim.now)
-        keep(sim, token, 2)
+        sim.keep(int(sim.start([0.0, 0.0], shaping="off") / 0.0065) + 30)
+        found[shaping] = ordered(sim, shaping=shaping)
+        sim.settle()
         for _ in range(1000):
             if not sim.ramp.moving:
                 break
             assert sim.ramp.position == sim.core.orders.way.at(sim.ramp.remaining)
-            keep(sim, token, 1)
+            sim.keep(1)
         assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
     assert found["off"].final_leg.move.waits == ()
     waited = sum(ticks for _, ticks in found["timed"].final_leg.move.waits)
@@ -138,83 +136,72 @@ def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
     timed, plain = (sim.core.motion.settling(found[kind].final_leg) for kind in ("timed", "off"))
     assert timed.usual < 0.7 * plain.usual
     assert (timed.usual < timed.sure, plain.usual < plain.sure) == (True, True)
-    two = MoveRequest(lease=token, waypoints=[{"joint1": 0.0}, GOAL], shaping="timed")
-    sim.core.handle(two, sim.now)
+    ordered(sim, {"joint1": 0.0}, GOAL, shaping="timed")
     assert sim.core.orders.way.parts[-1][0].impulses != ()
     assert [leg.waits != () for leg in sim.core.orders.legs] == [True]
 
 
+def ordered(sim: ArmedDaemon, *waypoints: dict[str, float], **more: Any) -> RequestResult:
+    """What the daemon says to a move to `GOAL`, or elsewhere."""
+    return sim.core.handle(MoveRequest(lease=sim.token, waypoints=list(waypoints) or [GOAL], **more), sim.now)
+
+
 @pytest.mark.long
-def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    plain = sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="off"), sim.now)
-    keep(sim, token, int(plain.seconds / 0.0065) + 30)
-    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.0, "joint2": 0.0}]), sim.now)
-    keep(sim, token, int(plain.seconds / 0.0065) + 30)
-    shaped = sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="zv"), sim.now)
+def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: ArmedDaemon) -> None:
+    plain = ordered(sim, shaping="off")
+    sim.keep(int(plain.seconds / 0.0065) + 30)
+    sim.start([0.0, 0.0])
+    sim.keep(int(plain.seconds / 0.0065) + 30)
+    shaped = ordered(sim, shaping="zv")
     assert plain.seconds + 0.1 < shaped.seconds < plain.seconds + 0.6
-    keep(sim, token, int(shaped.seconds / 0.0065) - 10)
+    sim.keep(int(shaped.seconds / 0.0065) - 10)
     assert sim.core.mode is Mode.MOVING
-    keep(sim, token, 40)
+    sim.keep(40)
     assert sim.core.mode is Mode.ARMED
     assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
     known = sim.core.motion
-    assert known is not None
     assert known.settling(shaped.final_leg).usual < 0.5 * known.settling(plain.final_leg).usual
 
 
-def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
+def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: ArmedDaemon) -> None:
     for stop, shaping in (("hold", "zvdd"), ("hold", "timed"), ("estop", "zvdd")):
-        goal = {"joint1": 1.0 if commanded(sim, 1) < 0.5 else 0.0}
-        sim.core.handle(MoveRequest(lease=token, waypoints=[goal], shaping=shaping), sim.now)
-        keep(sim, token, 100)
+        ordered(sim, {"joint1": 1.0 if commanded(sim, 1) < 0.5 else 0.0}, shaping=shaping)
+        sim.keep(100)
         assert sim.ramp.moving
         if stop == "hold":
             sim.core.handle(HoldRequest(), sim.now)
             sim.order = sim.core.order
-            keep(sim, token, 2)
+            sim.keep(2)
             assert not sim.ramp.moving
             there = commanded(sim, 1)
-            keep(sim, token, 50)
+            sim.keep(50)
             assert commanded(sim, 1) == there
         else:
-            sim.estop_requested = True
-            sim.core.estop(sim.now, "test")
+            sim.estop()
             sim.run(2)
-            assert all(pulse is None for pulse in sim.outputs.values())
+            assert sim.limp
 
 
-def test_each_at_its_own_rate_and_contacts_are_not_shaped(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
-    request = MoveRequest(lease=token, waypoints=[GOAL], pace="each", shaping="zv")
-    assert sim.core.handle(request, sim.now).final_leg.move.impulses == ()
-    keep(sim, token, 30)
-    touching = MoveRequest(lease=token, waypoints=[GOAL], may_touch=[TOUCH], shaping="zv")
+def test_each_at_its_own_rate_and_contacts_are_not_shaped(sim: ArmedDaemon) -> None:
+    assert ordered(sim, pace="each", shaping="zv").final_leg.move.impulses == ()
+    sim.keep(30)
     with pytest.raises(RequestError, match="not shaped"):
-        sim.core.handle(touching, sim.now)
+        ordered(sim, may_touch=[TOUCH], shaping="zv")
 
 
-def test_without_a_motion_model_nothing_is_shaped_nor_predicted(sim: SimulatedDaemon) -> None:
-    token = armed(sim)
+def test_without_a_motion_model_nothing_is_shaped_nor_predicted(sim: ArmedDaemon) -> None:
     sim.core.motion = None
     with pytest.raises(RequestError, match="motion model"):
-        sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="zv"), sim.now)
-    assert sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL]), sim.now).final_leg.move.impulses == ()
+        ordered(sim, shaping="zv")
+    assert ordered(sim).final_leg.move.impulses == ()
 
 
 def test_the_shaping_of_the_configuration_waits_for_a_model(tmp_path) -> None:
-    config = config_at(330.0, tmp_path)
-    config = replace(config, motion=config.motion.model_copy(update={"shaping": "zv"}))
-    sim = SimulatedDaemon(config)
-    sim.run(30)
-    token = armed(sim)
-    request = MoveRequest(lease=token, waypoints=[GOAL])
-    assert sim.core.handle(request, sim.now).final_leg.move.impulses == ()
-    sim.core.motion = MotionPredictor(config, MODEL)
-    keep(sim, token, 30)
-    back = MoveRequest(lease=token, waypoints=[{"joint1": 0.0, "joint2": 0.0}])
-    assert sim.core.handle(back, sim.now).final_leg.move.impulses != ()
+    sim = armed(config_at(330.0, tmp_path, "zv"), None)
+    assert ordered(sim).final_leg.move.impulses == ()
+    sim.core.motion = MotionPredictor(sim.config, MODEL)
+    sim.keep(30)
+    assert ordered(sim, {"joint1": 0.0, "joint2": 0.0}).final_leg.move.impulses != ()
 
 
 @pytest.mark.long
@@ -226,16 +213,12 @@ def test_another_model_leaves_a_motion_under_way_as_it_was_ordered(shaping, at, 
     config = config_at(330.0, tmp_path_factory.mktemp("config"))
     ways = []
     for other in (None, MotionPredictor(config, swinging(joint1=(soft, 0.02))), "stays"):
-        sim = SimulatedDaemon(config)
-        sim.core.motion = MotionPredictor(config, MODEL)
-        sim.run(30)
-        token = armed(sim)
-        sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping=shaping), sim.now)
-        way = []
+        sim, way = armed(config), []
+        ordered(sim, shaping=shaping)
         for tick in range(300):
             if tick == at and other != "stays":
                 sim.core.motion = other
-            keep(sim, token, 1)
+            sim.keep(1)
             way.append(sim.ramp.position)
         ways.append(way)
     assert ways[0] == ways[1] == ways[2]

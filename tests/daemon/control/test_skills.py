@@ -139,7 +139,6 @@ def test_an_answer_to_a_skill_before_is_ignored(arm: SkilledDaemon) -> None:
     arm.begin("stow", q_rad=[-0.2] * 6)
     arm.keep(20)
     before = arm.core.question
-    assert before is not None
     arm.core.handle(HoldRequest(), arm.now)
     arm.keep(20)
     arm.begin("stow", q_rad=THERE)

@@ -36,6 +36,7 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from lrmd.ramp.shared_memory import LinkState
+from tests.support.daemon.armed_daemon import take
 from tests.support.daemon.in_memory_daemon import WALL, config_at
 from tests.support.daemon.unpunctual_daemon import UnpunctualDaemon
 
@@ -93,8 +94,7 @@ class StaleDecisions(RuleBasedStateMachine):
             self.sim.ask(request, undecided, unwritten)
 
     def take(self) -> None:
-        lease = self.sim.ask(LeaseRequest(action="acquire", holder="x", take=True)).lease
-        self.token = "" if lease is None else lease.token
+        self.token = take(self.sim)
 
     @rule(ticks=st.integers(1, 100))
     def go_on(self, ticks: int) -> None:
@@ -148,8 +148,7 @@ class StaleDecisions(RuleBasedStateMachine):
                 sim.restart(ticks * sim.config.tick if ticks % 2 else 2 * SECOND)
                 sim.run(ticks % 30)
             case "brown-out":
-                sim.board.power_cycle(sim.now)
-                sim.outputs = sim._pulses()
+                sim.brown_out()
             case "unplugged":
                 sim.unplugged = ticks
             case "api stopped":
@@ -239,9 +238,7 @@ def test_a_hold_in_the_middle_of_arming_is_no_fault(config: Config, gap: int) ->
     """The order to switch the next servo on may not have been read yet."""
     sim = UnpunctualDaemon(config)
     sim.run(30)
-    lease = sim.ask(LeaseRequest(action="acquire", holder="x")).lease
-    assert lease is not None
-    sim.ask(ArmRequest(lease=lease.token, where="given", q_rad=dict.fromkeys(NAMES, 0.0)))
+    sim.ask(ArmRequest(lease=take(sim), where="given", q_rad=dict.fromkeys(NAMES, 0.0)))
     for _ in range(20):
         sim.run(1)
         held = deepcopy(sim)

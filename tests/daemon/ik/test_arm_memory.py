@@ -118,7 +118,6 @@ def starting_errors(ik: IkService, own: Array, poses: Array, truth: float, *, po
             now += round(1.5 * SECOND)
             c = load + (c - load) * np.exp(-1.5 / SHORT_S)
         known = memory.added_to(Known(motion), ik, now)
-        assert known.remembered is not None
         out.append(known.remembered.now["creep@joint2"][0] - c)
         motion = motion.to(q)
     return out
@@ -218,7 +217,6 @@ def test_after_a_start_the_uncertainty_of_the_memory_stands_in_the_answer_and_fa
     first = sd()
     assert 1e-3 < first < 0.6 * SIZES[CREEP], "0.6 N·m of 0.05 rad/N·m, at some tenths of a metre"
     (answer,) = arm.ik.inverse(IkRequest(goals=[GoalEntry(position_m=arm.tip)]), arm.known)
-    assert answer.sd_m is not None
     assert answer.sd_m > 0.5 * first
     arm.stand(60.0)
     assert sd() == pytest.approx(first / np.e, rel=0.05)
@@ -264,22 +262,18 @@ def test_a_break_of_the_pulses_and_another_model_begin_anew() -> None:
     begun = arm.known.remembered
     arm.stand(500.0)
     arm.go(q + 0.1, 500.0)
-    assert begun is not None
     remembered = arm.known.remembered
-    assert remembered is not None
     assert remembered.now != begun.now
     arm.memory.follow(arm.ik, Known(), 0.0, arm.now)
     assert arm.known.remembered is None
     arm.memory.follow(arm.ik, Known(arm.motion), 0.0, arm.now)
     anew = arm.known.remembered
-    assert anew is not None
     assert (anew.now, anew.or_else) == (begun.now, begun.or_else)
 
 
 def test_a_model_file_keeps_the_memory_and_refuses_one_of_another_size(tmp_path: Path) -> None:
     of, path = model(("creep@joint2",), sd=0.25), tmp_path / "model.toml"
     table = deployed_table(of)
-    assert table is not None
     assert table.memory is not None
     written = (
         'schema = "lrm/model/1"\narm = "lrm-rover"\neffects = ["compliance@joint2", "creep@joint2"]\n'
@@ -288,7 +282,6 @@ def test_a_model_file_keeps_the_memory_and_refuses_one_of_another_size(tmp_path:
     )
     path.write_text(written)
     state = load_model(path).state
-    assert state is not None
     assert state.memory == {"creep@joint2": SessionMemory({"offsets.joint2.theta_rad": 0.01}, (0.1,), (0.25,))}
     path.write_text(written.replace("mean = [0.1]", "mean = [0.1, 0.2]"))
     with pytest.raises(FileError, match="memory of creep@joint2: 2 and 1 numbers; should be 1 each"):
@@ -310,7 +303,6 @@ def test_a_stand_counts_with_the_load_and_the_centre_that_it_was_made_with() -> 
     arm.now += round(stand * SECOND)
     arm.memory.follow(arm.ik, Known(arm.motion), 0.2, arm.now)
     found, expected = arm.known.remembered, arm.ik.after_stand(expected, q, 0.2, stand)
-    assert found is not None
     elsewhere = before.after_stand(expected, q, 0.2, stand)
     for name, numbers in expected.now.items():
         assert found.now[name] == pytest.approx(numbers, rel=1e-9, abs=1e-12)

@@ -119,7 +119,6 @@ def test_the_daemon_does_what_is_said(effect: Effect, tmp_path: Path) -> None:
             assert effect.id not in arm.service.deployed.uncompensated
         case OnRover.CARRIED:
             assert apart(known, unknown) < SAME
-            assert arm.state is not None
             if arm.state.carried[effect.name] == "last":
                 assert apart(unknown, true) < SAME
             assert effect.id in arm.service.deployed.uncompensated
@@ -139,7 +138,6 @@ def test_commands_are_rounded_as_the_effect_says(tmp_path: Path) -> None:
     assert isinstance(with_it, Solved)
     assert isinstance(without, Solved)
     assert with_it.q == pytest.approx(without.q, abs=1e-12)
-    assert with_it.rounded is not None
     there = solve_equilibrium(plain, Poses(np.array([with_it.rounded.q]), arm.now.payload, arm.now.direction))
     assert with_it.rounded.error == pytest.approx(math.dist(there.true_tcp[0], goal), abs=SAME)
     assert with_it.rounded.error > APART

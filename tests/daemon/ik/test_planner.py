@@ -33,8 +33,8 @@ from lrmd.messages.kinematics import GoalEntry, PlanRequest
 from lrmd.safety.collision_guard import guard_of
 from tests.conftest import TABLE_B2
 from tests.math.collision.test_collision import sampled_distance
-from tests.math.kinematics.test_chain import link_matrices
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.link_matrices import link_matrices
 from tests.support.sweep import soak
 
 START, END = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
@@ -107,7 +107,6 @@ def daemon_at(place: Workcell) -> tuple[SimulatedDaemon, str]:
     sim.core.motion_check.guard = guard_of(place.config.arm, place.model) or sim.core.motion_check.guard
     sim.run(30)
     lease = sim.core.handle(LeaseRequest(action="acquire", holder="test"), sim.now).lease
-    assert lease is not None
     names = place.config.names
     stands = {name: float(q) for name, q in zip(names, START, strict=False)}
     sim.core.handle(ArmRequest(lease=lease.token, where="given", q_rad=stands), sim.now)
@@ -250,7 +249,6 @@ def test_an_arm_that_stands_within_the_margin_is_led_out_of_it(place: Workcell) 
     way = np.array(found)
     np.testing.assert_allclose(way[[0, -1]], [pose, START], atol=1e-12)
     guard = guard_of(replace(place.config.arm, shapes=replace(place.config.arm.shapes, margin=margin)), place.model)
-    assert guard is not None
     guard(way.tolist(), LOAD)  # what the daemon allows
     clear = np.cumsum(place.sagging(way, LOAD) >= margin)
     assert clear[0] == 0, "it starts within the margin"

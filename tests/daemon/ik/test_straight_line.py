@@ -92,9 +92,7 @@ def test_a_line_into_the_ground_is_refused_where_it_collides_and_found_where_tha
     assert len(path[0]) == config.dof
 
 
-def test_a_line_is_checked_with_the_corners_that_it_is_sent_with(
-    service: IkService, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_line_is_checked_with_the_corners_it_has(service: IkService, monkeypatch: pytest.MonkeyPatch) -> None:
     """Across the middle, where the table of the first servo bends."""
     checked: list[Array] = []
     check = CollisionGuard.check

@@ -121,9 +121,7 @@ def test_decoding_is_independent_of_chunking(parts: list[Frame | bytes], data: s
 
 
 @given(st.lists(frames(), min_size=1, max_size=5), st.binary(max_size=120), st.data())
-def test_bytes_put_in_cost_the_frame_they_hit_and_the_one_they_run_into(
-    sent: list[Frame], garbage: bytes, data: st.DataObject
-) -> None:
+def test_inserted_bytes_cost_two_frames_at_most(sent: list[Frame], garbage: bytes, data: st.DataObject) -> None:
     hit = data.draw(st.integers(0, len(sent) - 1))
     wire = encode(sent[hit])
     at = data.draw(st.integers(0, len(wire)))

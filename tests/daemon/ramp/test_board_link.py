@@ -221,9 +221,7 @@ def test_a_reply_that_is_not_in_the_table_changes_nothing(state: LinkState, repl
 @pytest.mark.long
 @given(before=st.integers(0, 12), silent=st.integers(1, 400), pulsing=st.booleans(), restart=st.booleans())
 @examples(30, 60)
-def test_a_chip_that_answers_again_is_used_again(
-    config: Config, before: int, silent: int, pulsing: bool, restart: bool
-) -> None:
+def test_a_chip_that_answers_is_used(config: Config, before: int, silent: int, pulsing: bool, restart: bool) -> None:
     """Whenever it was silent: at power-on, in the handshake, at rest or with pulses, the host's program being restarted
     meanwhile or not. The pulses stay off, or as they were."""
     line = RampWithBoard(config)

@@ -229,9 +229,7 @@ def test_a_board_with_another_prescale_is_left_to_fall_silent_before_it_is_set_u
 
 
 @pytest.mark.parametrize("kind", [0, 1])
-def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
-    config: Config, kind: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_simulated_clock_drives_no_real_board(config: Config, kind: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lrmd.sim.board.SIMULATED", kind)
     line = RampWithBoard(config)
     line.ramp = RampCore(board_settings(config, speed=2.0))

@@ -17,14 +17,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.ik.planner import NoPlan, Planner
 from lrmd.messages.control import JogRequest, MoveRequest
 from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard
-from tests.support.daemon.guarded_sequence import (
-    JOINTS,
-    MARGIN,
-    GuardedSequence,
-    cluttered_arm,
-    configured,
-    soft_model,
-)
+from tests.support.daemon.guarded_sequence import JOINTS, MARGIN, GuardedSequence, cluttered_arm, configured, soft_model
 from tests.support.sweep import examples, seeds, soak
 
 pytestmark = pytest.mark.long
@@ -190,7 +183,6 @@ def test_a_way_out_is_offered_if_one_exists(seed: int, soft: bool) -> None:
         assert not isinstance(path, NoPlan), path
         guard(path, 0.0)
         way = planner.way_out(start.tolist(), rng, lambda: None)
-        assert way is not None
         assert guard.separation(np.array(way[-1:]), 0.0)[0] >= MARGIN
         guard(way, 0.0)
 

@@ -179,7 +179,6 @@ def test_where_nothing_is_better_a_plan_says_so_and_without_a_vehicle_it_is_refu
             path = found.text
             break
         q = list(found[-1])
-    assert path is not None
     assert "no pose was found" in path
     bare = replace(config, arm=replace(config.arm, vehicle=None))
     with pytest.raises(RequestError, match=r"has no \[vehicle\]") as refused:

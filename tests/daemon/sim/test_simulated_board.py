@@ -101,8 +101,6 @@ def test_pulses_of_another_oscillator_are_shorter_by_the_ratio() -> None:
     for chip in (ours, theirs):
         chip.write(LED0, pca9685.channel_bytes(307), SECOND)
     a, b = ours.pulse(0), theirs.pulse(0)
-    assert a is not None
-    assert b is not None
     assert a / b == pytest.approx(25.3 / 25.0, rel=1e-12)
 
 
@@ -556,7 +554,6 @@ def test_the_board_ends_with_its_daemon(end: signal.Signals, tmp_path: Path) -> 
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
     ) as own:
-        assert own.stdout is not None
         port, state = map(Path, own.stdout.readline().split())
         assert port.is_symlink()
         assert state == load_config(config).state / "simulated", "the real arm's pose is not that of a simulated one"

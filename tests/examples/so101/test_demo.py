@@ -61,9 +61,7 @@ def test_the_camera_sees_the_poses_and_the_goals() -> None:
     assert table("q{}_deg", poses).splitlines()[0] == "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg"
 
 
-def test_the_last_screen_has_the_fall_and_the_name_beside_the_truth(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_last_screen_names_the_truth_beside_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     results = {
         name: {
             "error": {"mean_mm": mm, "rms_mm": mm, "max_mm": mm}, "rounding_rms_mm": 0.2, "model_sha256": "",
@@ -100,9 +98,7 @@ def test_a_folder_that_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.Capt
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_camera_that_is_typed_leaves_photos_for_the_lens_and_poses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_typed_camera_leaves_photos_for_lens_and_poses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera, "LENS_PHOTOS", 1)
     monkeypatch.setattr(camera, "POSES", 2)
     camera.write_files(tmp_path)

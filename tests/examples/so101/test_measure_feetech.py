@@ -55,7 +55,6 @@ def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path, kind
         assert (code, complaint) == (0, "")
     assert data.read_text().splitlines()[:3] == kept
     stated = metadata_of(data)
-    assert stated is not None
     assert stated.approach_deg == pytest.approx(3.0)  # friction with a memory is fitted along this way
     q = load_poses(data, load_arm("so101")).q
     assert np.abs(q - np.radians(POSES_DEG)).max() <= 0.5 * STEP + 1e-7

@@ -32,7 +32,7 @@ def test_every_hidden_cause_has_a_name_of_the_catalogue_and_every_one_is_shown()
         ("", (), "no evidence: NOT what was hidden"),
     ],
 )
-def test_the_last_screen_has_the_fall_and_the_name_beside_the_truth(
+def test_the_last_screen_names_the_truth_beside_it(
     named: str, rivals: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "demo.json").write_text('{"schema": "lrm/demo/1", "right": true}')

@@ -63,7 +63,6 @@ def test_it_says_what_it_does_and_records_it(tmp_path: Path, kind: str) -> None:
     assert table["q3_deg"] == pytest.approx(np.interp(T - 100.0, [0, 0.3, 1.3, 1.8, 2.8], [5, 5, 20, 20, 5]), abs=0.1)
     assert np.ptp(table["q3_meas_deg"]) > 12.0
     log = read_command_log(recording, load_arm("so101"), AS_NAMED)
-    assert log.servos is not None
     assert set(log.servos) == {joint.name for joint in log.arm.joints}
     assert kind != "feetech" or log.servos["elbow_flex"].p, "a motion model holds for these gains"
 

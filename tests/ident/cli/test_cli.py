@@ -109,9 +109,7 @@ def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_auto_names_the_hidden_play_and_stops(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The play of the shipped example in an arm of two joints, on which eleven selections take seconds."""
     monkeypatch.setattr(cross_validation, "MOST_REFITTED", 0)
     data, *_ = synthetic.write_example(folder, ROOT / "config" / "arms" / "two-joint.toml")

@@ -120,9 +120,7 @@ ADVISED = re.compile(r"(?:^Next: |^  [a-z][a-zA-Z ,]*: |Then: |Next: )(lrm-ident
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["model", "better", "rig"])
-def test_what_a_diagnosis_advises_fits_and_runs_as_it_is_printed(
-    model: str, terminal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_printed_advice_runs(model: str, terminal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = "rig.csv" if model == "rig" else "DATA.csv"
     for name in (data, f"{data[:-4]}.toml", f"{model}.toml"):
         if (terminal / name).exists():

@@ -47,9 +47,7 @@ def test_without_an_error_and_files_it_says_so() -> None:
 
 
 @given(st.lists(st.lists(st.floats(1e3, 1e6), min_size=2, max_size=3), min_size=1, max_size=5))
-def test_numbers_where_names_should_be_stay_at_home(
-    tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]]
-) -> None:
+def test_numbers_in_place_of_names_stay_home(tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]]) -> None:
     """A file without a header: its first row holds measurements."""
     width = min(map(len, rows))
     path = tmp_path_factory.mktemp("data") / "bare.csv"

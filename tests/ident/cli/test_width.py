@@ -92,9 +92,7 @@ def test_a_command_that_is_called_wrongly_says_so_in_one_line(command: str) -> N
 @pytest.mark.parametrize(
     ("terminal", "notebook", "moves"), [(True, False, True), (True, True, False), (False, False, False)]
 )
-def test_bars_move_on_a_terminal_but_not_below_a_cell(
-    terminal: bool, notebook: bool, moves: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bars_move_on_a_terminal(terminal: bool, notebook: bool, moves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A notebook runs `!lrm-ident …` on a terminal of its own, which cannot take a line back."""
     monkeypatch.delenv("JPY_PARENT_PID", raising=False)
     if notebook:

@@ -73,9 +73,7 @@ def test_the_commands_that_write_are_found() -> None:
 @pytest.mark.parametrize(
     ("words", "command", "option", "end"), CASES, ids=[f"{' '.join(w)} {o} {e}" for w, _, o, e in CASES]
 )
-def test_no_command_overwrites_a_foreign_file(
-    words: tuple[str, ...], command: Any, option: str, end: str, tmp_path: Path
-) -> None:
+def test_no_foreign_file_is_lost(words: tuple[str, ...], command: Any, option: str, end: str, tmp_path: Path) -> None:
     foreign = tmp_path / f"mine{end}"
     foreign.write_bytes(FOREIGN)
     named = foreign.with_suffix(".png") if end == ".csv" else foreign
@@ -137,9 +135,7 @@ def test_a_page_is_named_so(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from(["write", "edit", "remove"])), max_size=12))
-def test_a_file_is_replaced_as_long_as_it_is_the_tools(
-    tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[str, str]]
-) -> None:
+def test_the_tools_own_file_is_replaced(tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[str, str]]) -> None:
     folder = tmp_path_factory.mktemp("files")
     foreign: set[str] = set()
     for number, (name, step) in enumerate(steps):

@@ -55,12 +55,9 @@ def by_command(*words: object) -> Callable[[Path], str]:
         folder = model.parent
         data = put(folder / "data.csv", text(table(40)))
         files = {
-            "MODEL": model,
-            "DATA": data,
-            "OUT": folder / "out.toml",
-            "CSV": folder / "out.csv",
+            "MODEL": model, "DATA": data, "OUT": folder / "out.toml", "CSV": folder / "out.csv",
             "HTML": folder / "out.html",
-        }
+        }  # fmt: skip
         return said_by(*(files.get(str(word), word) for word in words))
 
     return door

@@ -250,7 +250,6 @@ def columns(names: str, values: Array) -> list[tuple[str, Array, int]]:
 @pytest.mark.parametrize("strength", [1.0, 9.72])
 def test_a_direction_or_an_acceleration(lab: Arm, tmp_path: Path, strength: float) -> None:
     poses = tilted_poses(lab)
-    assert poses.gravity is not None
     path = written(tmp_path, lab, poses, *columns("gx gy gz", strength * poses.gravity))
     data = load_measurements(path, lab)
     np.testing.assert_allclose(data.poses.gravity, poses.gravity, atol=1e-9)
@@ -265,7 +264,6 @@ def test_roll_and_pitch(lab: Arm, tmp_path: Path) -> None:
     roll_pitch = np.tile([[10.0, -20.0], [0.0, 5.0], [0.0, 0.0]], (COUNT // 3, 1))
     path = written(tmp_path, lab, tilted_poses(lab), *columns("roll_deg pitch_deg", roll_pitch))
     found = load_measurements(path, lab).poses.gravity
-    assert found is not None
     r, p = np.radians(roll_pitch).T
     expected = np.stack([np.sin(p), -np.cos(p) * np.sin(r), -np.cos(p) * np.cos(r)], axis=1)
     np.testing.assert_allclose(found, expected, atol=1e-12)
@@ -277,8 +275,6 @@ def test_it_turns_with_the_frame_of_the_positions(lab: Arm, seed: int) -> None:
     R = Rotation.random(random_state=seed).as_matrix()
     poses = tilted_poses(lab, seed)
     data = leaning_measurements(lab, poses).turned(R, np.array([0.1, 0.2, 0.3]))
-    assert data.poses.gravity is not None
-    assert poses.gravity is not None
     np.testing.assert_allclose(data.poses.gravity, poses.gravity @ R.T)
 
 
@@ -290,7 +286,6 @@ def leaning_measurements(arm: Arm, poses: Poses) -> Measurements:
 def test_axes_of_the_file(lab: Arm, tmp_path: Path, command: bool) -> None:
     """Positions and gravity of a file whose y points where the arm's x does; commands alone are read alike."""
     poses, to_file = tilted_poses(lab), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    assert poses.gravity is not None
     path = written(tmp_path, lab, poses, *columns("gx gy gz", poses.gravity @ to_file.T))
     how = Reading(axes="y,-x,z")
     read = load_poses(path, lab, how) if command else load_measurements(path, lab, how).poses

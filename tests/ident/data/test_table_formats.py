@@ -290,7 +290,6 @@ def test_numbers_without_a_header(arm: Arm, tmp_path: Path, delimiter: str) -> N
 )  # fmt: skip
 def test_times_as_programs_write_them(arm: Arm, tmp_path: Path, form: str) -> None:
     t = read(tmp_path, arm, {"Time Stamp": [form.format(k + 0.25) for k in range(9)]}).poses.t
-    assert t is not None
     np.testing.assert_allclose(t - t[0], np.arange(9.0))
 
 
@@ -303,9 +302,7 @@ def test_a_date_of_two_meanings_is_none() -> None:
     "name", ["t_s", "Time", "temp_c", "payload_g", "session", "sd_mm", "approach", "srot_deg", "gx"]
 )
 @pytest.mark.parametrize("cell", ["", "n/a", "yesterday", "nan"])
-def test_an_optional_column_that_cannot_be_read_is_left_out_and_said(
-    arm: Arm, tmp_path: Path, name: str, cell: str
-) -> None:
+def test_an_unreadable_optional_column_is_left_out_and_said(arm: Arm, tmp_path: Path, name: str, cell: str) -> None:
     data = read(tmp_path, arm, {name: [cell] * 9})
     assert len(data) == 9
     assert any(f"column {name} left out: no cell is a" in words for words in data.source.notices), data.source.notices
@@ -404,15 +401,12 @@ def test_dates_of_a_workbook_are_times(tmp_path: Path, lab: Arm) -> None:
     rows = [[*NAMES, "t_s"], *([*row, 45488.5 + i / 86400] for i, row in enumerate(ROWS))]
     path = workbook(tmp_path / "data.xlsx", rows, frozenset({(1, 10), (2, 10)}))
     t = load_measurements(path, lab).poses.t
-    assert t is not None
     np.testing.assert_allclose(t, [0.0, 1.0], atol=2e-3)
 
 
 @examples(15, 30)
 @given(st.lists(st.lists(CELLS, min_size=1, max_size=30), min_size=1, max_size=5))
-def test_cells_of_a_workbook_stay_in_their_places(
-    tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]
-) -> None:
+def test_cells_of_a_workbook_keep_places(tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]) -> None:
     import csv
 
     path = workbook(tmp_path_factory.mktemp("book") / "any.xlsx", [list(row) for row in rows])
@@ -563,7 +557,6 @@ def test_sessions_may_have_names(tmp_path: Path, lab: Arm) -> None:
     for number, row in enumerate(rows):
         row.append("session" if number == 0 else "Monday" if number < 10 else "after the fall")
     data = load_measurements(written(tmp_path / "data.csv", rows), lab)
-    assert data.poses.session is not None
     assert data.poses.session.tolist() == [1.0] * 9 + [2.0] * (len(rows) - 10)
     assert "sessions are numbered: 1 = 'Monday', 2 = 'after the fall'" in data.source.notices
 

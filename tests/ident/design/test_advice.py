@@ -68,7 +68,6 @@ def test_poses_at_any_angle_tell_what_two_levels_do_not(arm: Arm) -> None:
     assert min(pair.lead for pair in now) < NEEDED
     advice = advise(model, both, measured, NOISE, most=40)
     assert advice.works
-    assert advice.plan is not None
     assert "distinguish them" in advice_sentence(advice)
     then = expected(model, both, [measured, advice.plan.poses], NOISE)
     assert [pair.lead for pair in then] == [pair.lead for pair in advice.pairs]
@@ -170,10 +169,6 @@ def _squares(model: Model, poses: Poses, there: CandidateCause, instead: Candida
 def test_poses_as_if_measured_have_an_order_and_times(arm: Arm) -> None:
     first = at_levels(arm, -1.0, 1.0)
     then = as_measured(Poses(first.q, first.payload), first)
-    assert then.number is not None
-    assert first.number is not None
-    assert then.t is not None
-    assert first.t is not None
     assert then.number[0] == first.number[-1] + 1
     assert then.t[0] > first.t[-1]
     assert then.history is not None
@@ -243,7 +238,6 @@ def test_the_power_is_that_of_the_noncentral_f_distribution(freedom: int, log_st
     [effect] = effects_at(load_arm("two-joint"), "hysteresis@joint1")
     [rival] = discrimination_of([effect], fitted, [own], noise=1.0).rivals
     assert rival.power == pytest.approx(power_by_mixture(100.0**log_strength, 1, freedom), abs=2e-3)
-    assert rival.detectable_size is not None
     enough = rival.detectable_size**2 * 100.0**log_strength
     assert power_by_mixture(enough, 1, freedom) == pytest.approx(TARGET_POWER, abs=2e-3)
 

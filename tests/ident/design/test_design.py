@@ -137,8 +137,6 @@ def test_designed_poses_tell_more_than_blind_ones(lab: Arm, separating: PoseDesi
     assert plain.observability.O1 > plain.random_baseline.O1
     assert plain.after.discrimination is None
     apart, blind = separating.after.discrimination, separating.random_after.discrimination
-    assert apart is not None
-    assert blind is not None
     assert apart.cosine < blind.cosine
     for ours, theirs in zip(apart.rivals, blind.rivals, strict=True):
         assert ours.detectable_size is not None
@@ -151,11 +149,9 @@ def test_poses_at_hand_are_built_upon(lab: Arm) -> None:
     have = offered(lab, 60)
     some = design(task(lab, RIVALS, measured=have, count=10, first_number=61), offered(lab))
     more = design(task(lab, RIVALS, measured=have, count=30, first_number=61), offered(lab))
-    assert some.before is not None
     assert some.number[0] == 61
     assert np.all(some.after.standard_errors < some.before.standard_errors)
     assert more.after.tcp < some.after.tcp < some.before.tcp
-    assert more.before is not None
     np.testing.assert_allclose(more.before.standard_errors, some.before.standard_errors)
 
 
@@ -164,7 +160,6 @@ def test_a_side_is_chosen_where_it_matters(lab: Arm) -> None:
     found = design(task(lab, ("hysteresis@joint2", "coupling@joint2<-joint3")), offered(lab, 200))
     sides = found.poses.direction[:, 1]  # type: ignore[index]
     assert min(np.count_nonzero(sides > 0), np.count_nonzero(sides < 0)) >= 15
-    assert found.after.discrimination is not None
     assert all(rival.power > 0.99 for rival in found.after.discrimination.rivals)
 
 
@@ -239,7 +234,6 @@ def test_a_joint_at_its_limit_is_approached_from_within(tmp_path: Path) -> None:
     words = ["--levels", f"{low},-20,0,{high}; joint2=2", "-n", "6", "--repeats", "0", "--parameters", "compliance.*"]
     stdout_of("design", "two-joint", *words, "-o", path)
     poses, plan = load_poses(path, arm), load_plan(path, arm)
-    assert poses.direction is not None
     assert [pose.approach for pose in plan.poses] == [tuple(row) for row in poses.direction.tolist()]
     beside = poses.q - poses.direction * np.radians(1.0)
     for joint, limits in enumerate(arm.joints):
@@ -250,7 +244,6 @@ def test_where_sides_matter_a_corner_of_the_range_is_one_candidate() -> None:
     arm = load_arm("two-joint")
     low, high = arm.joints[0].lower, arm.joints[0].upper
     sided = _distinct(_from_both_sides(arm, poses_of(np.array([[low, high], [low, 0.0], [0.1, 0.2]]))))
-    assert sided.direction is not None
     assert sided.direction.tolist() == [[-1, 1], [-1, 1], [-1, -1], [1, 1], [-1, -1]]
 
 
@@ -258,17 +251,9 @@ def test_where_sides_matter_a_corner_of_the_range_is_one_candidate() -> None:
 def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     poses, figure = tmp_path / "next.csv", tmp_path / "why.svg"
     words = [
-        "--levels",
-        MEASURED_LEVELS,
-        "--separate",
-        ",".join(RIVALS),
-        "-n",
-        "30",
-        "--loads-g",
-        "0,66.3",
-        "--parameters",
+        "--levels", MEASURED_LEVELS, "--separate", ",".join(RIVALS), "-n", "30", "--loads-g", "0,66.3", "--parameters",
         "option1",
-    ]
+    ]  # fmt: skip
     said = stdout_of("design", "lrm-lab", *words, "-o", poses, "--json", tmp_path / "d.json", "--figure", figure)
     assert "Smallest size that is distinguished from all else" in said
     table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach1", "approach6", "repeat_of"])
@@ -318,7 +303,6 @@ def test_an_arm_that_says_nothing_of_a_table_is_warned_of_poses_below_its_base()
 def test_fewer_poses_than_a_fit_takes_are_said_to_be_too_few(tmp_path: Path, count: int) -> None:
     said = stdout_of("design", "two-joint", "--levels", "9", "-n", count, "-o", tmp_path / "next.csv")
     title = re.search(r"^(\d+) poses, (\d+) parameters", said, re.MULTILINE)
-    assert title is not None
     assert ("too few for a fit" in said) == (int(title[1]) < int(title[2]))
 
 

@@ -117,8 +117,6 @@ def test_a_bent_link_is_not_named_by_its_neighbour(bent: Diagnosis) -> None:
     first = bent.supported[0]
     assert (first.name, bent.equivalent[FALSE]) == (FALSE, ()), "the screening alone is still misled"
     found = confirm(bent)
-    assert found.first is not None
-    assert found.refit is not None
     assert (found.first.name, found.diagnosis.equivalent[TRUE]) == (TRUE, ())
     assert found.refits[FALSE].error.rms > 1.3 * found.refit.error.rms
     assert found.rivals[FALSE] == found.refits[FALSE].error.rms, "on the scale of a refit"

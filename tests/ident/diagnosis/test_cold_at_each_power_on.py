@@ -47,8 +47,6 @@ def test_a_warm_up_that_begins_anew_is_named(tmp_path: Path) -> None:
     assert after.model.value(f"drift.joint2.{RESET}") == pytest.approx(1.0, abs=0.1)
     assert after.model.value("drift.joint2.T_s") == pytest.approx(CONSTANT_S, rel=0.25)
     held_out = run.steps[-1].held_out
-    assert held_out is not None
-    assert held_out.deployed is not None
     assert held_out.deployed.now.rms == pytest.approx(run.steps[-1].held_out_rms)
 
 

@@ -86,7 +86,6 @@ def real_under_option_1(real: Measurements, lab: Arm) -> Diagnosis:
 
 
 def first_class(report: DiagnosisReport) -> set[str]:
-    assert report.first is not None
     return {report.first.scored.name, *report.first.equivalent}
 
 
@@ -112,7 +111,6 @@ def test_a_hidden_effect_is_named_added_and_the_error_falls_to_the_floor(
     report = build_report(diagnosed(case))
     assert report.verdict == "effect_missing"
     assert truth in first_class(report)
-    assert report.first is not None
     assert report.first.held_out_rms < 1.25 * FLOOR
     assert report.first.exact
 
@@ -123,7 +121,6 @@ def test_a_drift_is_said_with_the_largest_motion_that_it_makes(diagnosed: Callab
     truth, (q, load, when) = true_arm(case, 11, arm), measured_poses(case, 11, 300, arm)
     warm, cold = (synthetic.measure(arm, one, q, load, schedule=when) for one in (truth, replace(truth, effects=())))
     first = build_report(diagnosis).ranking[0]
-    assert first.claim is not None
     assert first.claim.largest_motion == pytest.approx(np.linalg.norm(warm - cold, axis=1).max(), rel=0.05)
     assert f"by up to {in_mm(first.claim.largest_motion)} mm at the tip" in first.why
 

@@ -117,7 +117,6 @@ def test_a_tracker_that_was_pushed_between_sessions_is_a_moved_base(lab: Arm, se
 def test_a_tracker_that_creeps_is_a_drifting_base(lab: Arm, timed: bool) -> None:
     """Also where no times were written down: the poses have an order."""
     data = measured(3)
-    assert data.poses.t is not None
     shift = (1.0 - np.exp(-data.poses.t / 900.0))[:, None] * np.array([0.003, -0.002, 0.001])
     data = replace(data, poses=data.poses if timed else replace(data.poses, t=None)).with_tcp(data.tcp + shift)
     assert diagnose(base_fit(lab, data), data, KINDS).selected[0].name == "drift@base"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +15,13 @@ from examples.demo.hidden import hidden_arm
 from examples.demo.pose_files import LOAD_G, clear_poses
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.source import Source
+from lrm_ident.diagnosis import unexplained_structure
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.confirm import confirm
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
+from lrm_ident.diagnosis.screening.candidates import FORM, PLAIN
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED
@@ -103,7 +107,6 @@ def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, describ
     named = add_effects(base_fit(lab, data), data, effects_at(lab, "eccentricity@joint2")).model
     confirmed = confirm(diagnose(named, data))
     report = report_of(confirmed)
-    assert report.first is not None
     assert report.first.scored.name == "angle_curve@joint2"
     assert (report.verdict, confirmed.describes) == ("effect_describes", True)
     assert 0.5 < report.share < 1.1
@@ -121,7 +124,6 @@ def test_five_waves_a_turn_are_a_gears_ripple(lab: Arm, described: ArmDescriptio
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
     beside = add_effects(found.fit.model, data, effects_at(lab, "eccentricity@joint2")).model
     leading = confirm(diagnose(beside, data)).first
-    assert leading is not None
     assert leading.name == "gear_ripple@joint2", "a special case of the curve, with fewer parameters"
 
 
@@ -271,5 +273,30 @@ def test_a_stop_of_an_upright_shoulder_is_a_curve_of_its_angle(tmp_path: Path, s
     stop = FormulaJoint(SHOULDER, -share, f"np.maximum(q[{SHOULDER}] - {at}, 0.0)")
     model, data = upright_measurements(tmp_path, seed, COUNT, STOP_NOISE, (stop,))
     first = confirm(diagnose(fit_identifiable(model, data, model.keys).fit.model, data)).first
-    assert first is not None
     assert f"eccentricity@joint{SHOULDER}" in (first.name, *variants(first.candidate.effect))
+
+
+def test_a_form_is_spurious_where_functions_explain_much_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A form may be a part of a free function; a cause that they make needless is spurious however much it saves."""
+
+    def effect(name: str, priority: int, left: float) -> SimpleNamespace:
+        candidate = SimpleNamespace(priority=priority)
+        return SimpleNamespace(name=name, candidate=candidate, alone=leaving(left), projected=None)
+
+    def leaving(left: float) -> SimpleNamespace:
+        return SimpleNamespace(held_out=np.full(40, left))
+
+    beside = SimpleNamespace(baseline=leaving(0.1), explain=lambda _: None)
+    linear = SimpleNamespace(baseline=leaving(1.0), beside=lambda *_: beside)
+    effects = [effect("form", FORM, 0.15), effect("weak form", FORM, 0.5), effect("cause", PLAIN, 0.15)]
+    selection: Any = SimpleNamespace(steps=[SimpleNamespace(linear=linear)], effects=effects)
+    function = SimpleNamespace(covariates=("angle",), place="joint2")
+    for name, found in (
+        ("_squares", {}),
+        ("_select_free", [function]),
+        ("_projected", []),
+        ("improves_prediction", False),
+    ):
+        monkeypatch.setattr(unexplained_structure, name, lambda *_, found=found: found)
+    spurious = unexplained_structure.unexplained_structure(selection, [], None).spurious  # type: ignore[arg-type]
+    assert {*spurious} == {"weak form", "cause"}

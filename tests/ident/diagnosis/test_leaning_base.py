@@ -69,8 +69,6 @@ def test_the_report_says_that_the_base_is_not_level(tmp_path: Path) -> None:
     data, _ = leaning_recording(7, Lean("x", 5, 60)).load(tmp_path)
     study = Study.of(data).fit()
     first = report_of(confirm(diagnose(study.model, study.data))).first
-    assert first is not None
-    assert first.claim is not None
     assert first.claim.effect.name == first.name
     assert first.why.startswith("the base is not level: gravity leans and bends the arm, by up to ")
     assert "rotation of gravity about x 5." in first.why

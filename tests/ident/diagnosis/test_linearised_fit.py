@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.diagnosis.claim import screened_estimates
 from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, unfitted_effects
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit, linearise
 from lrm_ident.residual.better_prediction import squared_outlier_distance
@@ -148,3 +152,13 @@ def test_columns_are_those_of_the_total_jacobian_where_they_move_anything(lab: A
         np.testing.assert_array_equal(moved, one.columns(shape)[:, expected.any(axis=0)])
         still += len(one.rows) - len(acting.rows)
     assert still > len(found)
+
+
+def test_screened_estimates_are_in_the_units_of_their_names() -> None:
+    """By the screening they are in typical sizes, in SI."""
+    of = [SimpleNamespace(name="b_mm", typical=2e-3, si=1e-3), SimpleNamespace(name="c_rad", typical=0.01, si=1.0)]
+    alone = SimpleNamespace(theta=np.array([3.0, -2.0]), error=np.array([0.5, 1.0]))
+    scored: Any = SimpleNamespace(candidate=SimpleNamespace(parameters=of), alone=alone)
+    length, angle = screened_estimates(scored)
+    assert length == ("b_mm", pytest.approx(6.0), pytest.approx(1.0))
+    assert angle == ("c_rad", pytest.approx(-0.02), pytest.approx(0.01))

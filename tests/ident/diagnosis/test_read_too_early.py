@@ -44,8 +44,6 @@ def test_a_tracker_that_is_read_too_early_is_named_and_the_arm_at_rest_deployed(
     assert run.verdict.quiet
     assert after.model.value("settling_error.frame.e_rad_per_rad") == pytest.approx(share, rel=0.1)
     deployed = run.steps[-1].held_out
-    assert deployed is not None
-    assert deployed.deployed is not None
     assert deployed.deployed.now.rms == pytest.approx(run.steps[-1].held_out_rms)
 
     at_rest = poses_of(rng.uniform(-1.0, 1.0, (100, arm.dof)))

@@ -268,7 +268,6 @@ def test_an_error_that_is_said_is_that_of_the_tip_in_mm() -> None:
     residual = np.full((POSES, 3), 1e-3)
     block = HeldOutBlock(np.arange(0), np.arange(POSES), residual[:0], residual, weighted=100.0 * residual)
     objection = candidate_trial.objection_to_prediction([block], [block])
-    assert objection is not None
     assert objection.kind == ReasonKind.NOT_BETTER
     assert objection.numbers == pytest.approx([np.sqrt(3) * 1e-3] * 2)
 
@@ -326,6 +325,12 @@ def test_a_cause_replicates_where_it_helps_in_both_halves() -> None:
     assert not chosen((0.5, 1.1), (2.0, 2.0))
 
 
+@pytest.mark.parametrize("errors", [0.7, 1.3])
+def test_it_helps_by_a_standard_error_in_each_half(errors: float) -> None:
+    saved = errors * 0.02 / np.sqrt(POSES // 2)
+    assert chosen((0.5, 1.0 - saved), (2.0, 2.0)) is (errors > 1.0)
+
+
 def test_a_rival_that_is_better_in_one_half_contradicts_it() -> None:
     assert not chosen((0.5, 0.5), (1.0, 0.2))
 
@@ -370,7 +375,6 @@ def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
 def test_what_goes_on_predicts_later_poses(world: str, effect: str, tmp_path: Path) -> None:
     data, _ = OngoingCase.of(world).record().load(tmp_path)
     study = Study.of(data).fit()
-    assert study.step is not None
     plain = study.step.fit
     [one] = effects_at(plain.model.arm, effect)
     named = add_effects(plain.model, study.data, [one])
@@ -461,11 +465,9 @@ def test_two_that_hide_each_other_are_confirmed_together(tmp_path: Path) -> None
     """A tracker's scale and a screw that slipped: neither alone makes the deployed model surely better."""
     data, _ = OngoingCase.of("catalogue/pair/stretched+slip2/80/0").record().load(tmp_path)
     found = confirm.confirm(Study.of(data).fit().screen())
-    assert found.first is not None
     assert found.first.name == "change_point@joint2"
     assert found.beside == "measurement_frame@frame"
     assert not found.refused
-    assert found.refit is not None
     scored = {one.name: one for one in found.diagnosis.scored}
     assert improves_beside(found.refit.fit, data, scored["measurement_frame@frame"])
     assert not improves_beside(found.refit.fit, data, scored["drift@joint2"]), "it helps only without the first"

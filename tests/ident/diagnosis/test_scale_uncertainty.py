@@ -56,7 +56,6 @@ def fitted(arm: Arm, data: Measurements) -> Fit:
 def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_errors(lab: Arm) -> None:
     fit = fitted(lab, measured(lab, 0))
     found = scale_uncertainty(fit)
-    assert found is not None
     common = np.mean([fit.model.value(f"measurement_frame.frame.scale_{axis}_mm_per_m") for axis in "xyz"])
     assert abs(common - SCALE / 3.0) < 2.0 * found.sd
     assert found.sd > 5e-4

@@ -59,7 +59,6 @@ def test_a_curve_beyond_its_range_stays_as_at_the_edge(lab: Arm) -> None:
     """Every coefficient is fitted, those far beyond the data as well. Before: error grew without bound there."""
     data = wavy(lab)
     fitted = fit(curved(lab), data).model
-    assert fitted.within is not None
     assert fitted.within.angle[1] == (data.poses.q[:, 1].min(), data.poses.q[:, 1].max())
     q = np.zeros((40, lab.dof))
     q[:, 1] = np.linspace(0.2, 1.5, 40)
@@ -97,7 +96,6 @@ def test_penalties_are_of_forms_only(lab: Arm) -> None:
     line = 0.01 * np.arange(len(curve.keys))
     assert line @ known[1].S @ line == pytest.approx(0.0, abs=1e-12)
     both = with_penalties(weak_prior(curved(lab)), known, np.ones(2))
-    assert both is not None
     assert set(both.keys) == set(curved(lab).free)
     assert (both.sd_of(curve.keys) <= curve.parameters[0].typical).all()
     assert [names[0][0] for names in CableCurve(lab, "joint2+joint3").curves] == ["s", "d"]
@@ -125,7 +123,6 @@ def test_a_fit_ends_where_noise_and_penalties_follow_from_it(lab: Arm, seed: int
     at a bound."""
     found = fit(curved(lab), wavy(lab, 90, 1.4, seed, size))
     known = penalties_of(found.model)
-    assert found.prior is not None
     order = [found.prior.keys.index(key) for key in known[0].keys]
     precision = np.linalg.inv(found.prior.covariance)[np.ix_(order, order)]
     stacked = np.stack([penalty.S.reshape(-1) for penalty in known], axis=1)
@@ -138,8 +135,6 @@ def test_a_fit_ends_where_noise_and_penalties_follow_from_it(lab: Arm, seed: int
 def test_the_range_goes_into_the_file_and_back(lab: Arm) -> None:
     model = fit(curved(lab), wavy(lab)).model
     again = as_written(model, "lrm-lab")
-    assert again.within is not None
-    assert model.within is not None
     np.testing.assert_allclose(again.within.angle, model.within.angle, rtol=1e-14)
     assert again.within.load == model.within.load
     poses = poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (8, lab.dof)))

@@ -24,43 +24,16 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import SHARED
+from tests.support.link_matrices import link_matrices, turn
 from tests.support.sweep import examples
 
 UR5_DATA = SHARED / "data" / "ur5"
 NOISE = 2e-4  # m per axis
 
 
-def rotation(axis: int, angle: float) -> Array:
-    out, (i, j) = np.eye(4), ((axis + 1) % 3, (axis + 2) % 3)
-    out[i, i] = out[j, j] = math.cos(angle)
-    out[j, i], out[i, j] = math.sin(angle), -math.sin(angle)
-    return out
-
-
-def shift(x: float, y: float, z: float) -> Array:
-    out = np.eye(4)
-    out[:3, 3] = x, y, z
-    return out
-
-
 def independent_tcp(arm: Arm, q: Array, turned: dict[int, Array]) -> Array:
     """(N, 3), TCP (m) of the rigid arm by products of matrices, with further motions after some links."""
-
-    def placement(p: Placement) -> tuple[Array, Array]:
-        return shift(p.x, p.y, p.z), rotation(0, p.alpha) @ rotation(1, p.beta) @ rotation(2, p.gamma)
-
-    def link(joint: Joint, angle: float) -> Array:
-        screw = rotation(2, joint.theta + angle) @ shift(joint.a, 0.0, joint.d) @ rotation(0, joint.alpha)
-        return screw @ shift(0.0, 0.0, joint.extra_z or 0.0)
-
-    (place, turn), (tool_place, tool_turn) = placement(arm.base), placement(arm.tool)
-    out = []
-    for angles in q:
-        frame = place @ turn
-        for i, (joint, angle) in enumerate(zip(arm.joints, angles, strict=True)):
-            frame = frame @ link(joint, float(angle)) @ turned.get(i, np.eye(4))
-        out.append((frame @ tool_turn @ tool_place)[:3, 3])
-    return np.array(out)
+    return np.array([link_matrices(arm, angles, turned)[-1][:3, 3] for angles in q])
 
 
 def measured(arm: Arm, q: Array, tcp: Array) -> Measurements:
@@ -82,7 +55,7 @@ def test_beta_is_there_where_axes_are_parallel_and_nowhere_else() -> None:
 def test_a_twisted_parallel_axis_is_fitted_to_the_floor(axis: int) -> None:
     arm, rng = load_arm("so101"), np.random.default_rng(1)
     q = rng.uniform(-1.5, 1.5, (150, 5))
-    tcp = independent_tcp(arm, q, {1: rotation(axis, math.radians(2.0))}) + rng.normal(0, NOISE, (150, 3))
+    tcp = independent_tcp(arm, q, {1: turn(axis, math.radians(2.0))}) + rng.normal(0, NOISE, (150, 3))
     data = measured(arm, q, tcp)
     result = fit_model(nominal_model(arm), data, "identifiable", SQUARED).fit
     assert result.sigma < 1.1 * NOISE
@@ -106,7 +79,7 @@ def test_a_target_near_the_last_axis_is_fitted_to_the_noise(distance: float, see
     x, y, z = rng.normal(0, 0.003, 3).tolist()
     q = rng.uniform(-1.6, 1.6, (80, 6))
     true = replace(drawn, tool=Placement(x=distance + x, y=y, z=0.05 + z))
-    turned = {i: rotation(0, rng.normal(0, 0.01)) @ rotation(2, rng.normal(0, 0.01)) for i in range(5)}
+    turned = {i: turn(0, rng.normal(0, 0.01)) @ turn(2, rng.normal(0, 0.01)) for i in range(5)}
     data = measured(drawn, q, independent_tcp(true, q, turned) + rng.normal(0, NOISE, (80, 3)))
     result = fit_model(nominal_model(drawn), data, "identifiable", SQUARED).fit
     assert result.sigma < 1.3 * NOISE

@@ -154,10 +154,7 @@ def test_it_predicts_no_worse_than_elimination(whole: Model) -> None:
         rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
         q = synthetic.random_poses(rig, 200, seed + 500)
         truth = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q)
-        for found in (
-            fit(whole, data, prior=prior),
-            fit_identifiable(replace(whole, free=()), data, whole.keys).fit,
-        ):
+        for found in (fit(whole, data, prior=prior), fit_identifiable(replace(whole, free=()), data, whole.keys).fit):
             left.append(((truth - solve_equilibrium(found.model, poses_of(q)).tcp) ** 2).sum(1).mean())
     with_prior, eliminated = np.array(left).reshape(-1, 2).mean(axis=0)
     assert with_prior < 1.05 * eliminated
@@ -307,7 +304,6 @@ def test_the_commands_know_the_prior(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert tables["parameters"] == len(tables["prior"]["parameters"]) == 45
     assert tables["prior"]["parameters_decided_by_data"] < 45
     covariance = load_covariance(model)
-    assert covariance is not None
     assert len(covariance.keys) > 40
     assert tables["prior"]["typical_sizes"]["parameters"] == 45
     assert 'prior = "printed"' in model.read_text()

@@ -49,9 +49,7 @@ def test_scale_and_shear_leave_the_centre_of_the_measured_points_in_place(lab: A
 
 @examples(5, 10)
 @given(scale=st.floats(-0.02, 0.02), azimuth=st.floats(-3.0, 3.0), elevation=st.floats(-1.5, 1.5))
-def test_depth_is_scaled_along_its_direction_and_nowhere_else(
-    lab: Arm, scale: float, azimuth: float, elevation: float
-) -> None:
+def test_depth_is_scaled_along_its_direction_alone(lab: Arm, scale: float, azimuth: float, elevation: float) -> None:
     plain = distorted(lab, "depth_scale@frame", 1)
     model = plain.with_values(np.array([scale, azimuth, elevation]))
     poses = poses_of(np.random.default_rng(2).uniform(-1.0, 0.5, (50, lab.dof)))

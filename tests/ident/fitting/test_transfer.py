@@ -131,7 +131,6 @@ def test_few_poses_find_the_installation_and_the_error_is_as_expected() -> None:
 def test_poses_are_chosen_where_the_model_is_known() -> None:
     model, known = lab_model(2)
     start = transferred(model, known, ROVER, NOISE)
-    assert start.model.within is not None
     assert not start.model.within.outside(installation_poses(start, FEW).q).any()
 
 
@@ -142,7 +141,6 @@ def test_a_fit_with_the_prior_of_an_earlier_one_keeps_its_noise_and_range() -> N
     few = measured(on_the_rover(start, 1), installation_poses(start, 2).q)
     found = fit(start.model, few, prior=start.prior)
     assert found.model.within == start.model.within
-    assert found.prior is not None
     assert found.prior.keys == start.prior.keys, "no penalty is counted twice"
     assert np.all(np.diag(found.covariance) <= np.diag(start.prior.covariance) * (1.0 + 1e-6))
 

@@ -120,9 +120,7 @@ def test_axe_finds_nothing_on_the_page(browser: Any, identified: tuple[Path, str
 
 
 @pytest.mark.slow
-def test_on_paper_no_legend_lies_over_a_chart_and_the_screen_is_as_before(
-    browser: Any, identified: tuple[Path, str]
-) -> None:
+def test_on_paper_no_legend_lies_over_a_chart(browser: Any, identified: tuple[Path, str]) -> None:
     with browser.new_page(color_scheme="dark", viewport={"width": 390, "height": 844}) as page:
         page.goto((identified[0] / "fleet.html").as_uri())
         page.select_option("#lrm-tag", "batch")

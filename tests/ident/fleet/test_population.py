@@ -117,9 +117,7 @@ def test_a_rate_is_what_was_seen_and_in_whole_percents_what_that_says_of_the_kin
 
 
 @given(st.integers(1, 200), st.floats(1e-6, 1.0) | st.just(0.0), st.integers(2, 10))
-def test_the_interval_of_a_rate_holds_the_share_that_was_seen_and_shrinks_with_arms(
-    arms: int, share: float, times: int
-) -> None:
+def test_the_interval_of_a_rate_shrinks_with_arms(arms: int, share: float, times: int) -> None:
     """Also of parts of arms, and of none and of all."""
     found = min(share * arms, arms)
     low, high = exact_interval(found, arms)

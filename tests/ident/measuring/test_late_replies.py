@@ -93,9 +93,7 @@ def position(kind: BusServoKind, count: int, number: int = 1) -> bytes:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("read", [ServoHost.read, ServoHost.read_with_retries])
-def test_what_came_before_the_question_is_dropped(
-    kind: BusServoKind, read: Callable[[ServoHost, int, object], int]
-) -> None:
+def test_what_came_before_is_dropped(kind: BusServoKind, read: Callable[[ServoHost, int, object], int]) -> None:
     with host_of(kind, position(kind, LATE), [position(kind, FRESH)]) as host:
         assert read(host, 1, kind.position) == FRESH
 
@@ -197,9 +195,7 @@ def test_whatever_is_asked_says_that_the_line_is_gone(unplugged: serial.Serial, 
 
 
 @pytest.mark.parametrize("servos_of", [of_bus, of_lerobot])
-def test_a_campaign_says_in_one_line_that_nobody_answers(
-    unplugged: serial.Serial, servos_of: Callable[[serial.Serial], Servos]
-) -> None:
+def test_silent_servos_are_one_line(unplugged: serial.Serial, servos_of: Callable[[serial.Serial], Servos]) -> None:
     servos = servos_of(unplugged)
     with pytest.raises(LrmError, match=r"^[^\n]+ does not answer: [^\n]+$"):
         ServoArm(servos, ARM, SimulatedClock(), lambda _: None)

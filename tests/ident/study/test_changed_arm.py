@@ -103,9 +103,7 @@ FITTED = b"q1,x\n1,2\n"
 
 
 @pytest.mark.parametrize(("now", "whole"), [(FITTED + b"3,4\n", True), (b"q1,x\n1,5\n3,4\n", False)])
-def test_the_model_is_whole_on_its_data_with_rows_added(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, now: bytes, whole: bool
-) -> None:
+def test_added_rows_leave_it_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, now: bytes, whole: bool) -> None:
     path = tmp_path / "data.csv"
     path.write_bytes(now)
     model: Any = SimpleNamespace(effects=(SimpleNamespace(name="drift@joint1"),), fitted_to=sha256(FITTED).hexdigest())

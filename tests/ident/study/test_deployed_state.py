@@ -74,7 +74,6 @@ def test_the_deployed_arm_is_the_one_at_the_end(name: str, size: float) -> None:
     """At new poses of the world that goes on, the deployed model is as good as the fit in its session was."""
     effect = DRIFT if name.startswith("drift") else SESSION
     study = fitted(measured({name: size}), effect)
-    assert study.model.state is not None
     assert study.model.state.carried == {effect: "last"}
     end = {"offsets.joint1.theta_rad": size * (1.0 - np.exp(-150.0 * COUNT / 1800.0)) if effect == DRIFT else size}
     new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
@@ -87,7 +86,6 @@ def test_sixty_poses_suffice_to_see_that_the_arm_stays_warm() -> None:
     """A tenth of them are six; ten are predicted."""
     data = measured({"drift.joint1.A_rad": 0.05}).take(np.arange(0, COUNT, 2))
     state = fitted(data, DRIFT).model.state
-    assert state is not None
     assert state.carried == {DRIFT: "last"}
 
 
@@ -95,7 +93,6 @@ def test_the_arm_stays_warm_where_it_was_loaded_late() -> None:
     """Loads are measured one after the other, as plans order them; unlike an angle, a load turns no joint's zero."""
     data = measured({"drift.joint1.A_rad": 0.05}, load=0.1)
     state = fitted(data, DRIFT).model.state
-    assert state is not None
     assert state.carried == {DRIFT: "last"}
     assert allows_rolling_origin(data)
 
@@ -104,9 +101,6 @@ def test_both_errors_are_shown_and_apart() -> None:
     """Warm the deployed model is at the noise; over the poses of the cold arm it is not, and that is said."""
     study = fitted(measured({"drift.joint1.A_rad": 0.05}), DRIFT)
     deployed = study.held_out.deployed
-    assert deployed is not None
-    assert deployed.otherwise is not None
-    assert study.held_out.error is not None
     assert deployed.now.rms < 3.0 * study.held_out.error.rms
     assert deployed.otherwise.rms > 5.0 * deployed.now.rms
     entry = study.file.history[-1]
@@ -118,7 +112,6 @@ def test_an_arm_that_goes_on_changing_states_the_error_of_later_poses() -> None:
     creeping = {"drift.joint1.A_rad": 2.0, "drift.joint1.T_s": 1e6}
     study = fitted(measured(creeping))
     deployed = study.held_out.deployed
-    assert deployed is not None
     assert deployed.among_measured is not None
     end = 150.0 * COUNT
     new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
@@ -133,16 +126,11 @@ def test_an_arm_that_goes_on_changing_states_the_error_of_later_poses() -> None:
 
 @pytest.mark.parametrize(
     ("values", "names"),
-    [
-        ({}, ()),
-        ({"drift.joint1.A_rad": 0.05}, (DRIFT,)),
-        ({"session.joint1.step2_rad": 0.04}, (SESSION,)),
-    ],
+    [({}, ()), ({"drift.joint1.A_rad": 0.05}, (DRIFT,)), ({"session.joint1.step2_rad": 0.04}, (SESSION,))],
 )
 def test_what_stands_or_follows_its_law_does_not_go_on(values: dict[str, float], names: tuple[str, ...]) -> None:
     """A law is known less well from its first half than from all of it, and a step only from what follows it."""
     deployed = fitted(measured(values), *names).held_out.deployed
-    assert deployed is not None
     assert deployed.among_measured is None
 
 
@@ -152,20 +140,15 @@ def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tm
     data = measured({"drift.joint1.A_rad": 0.05})
     alone = replace(data.poses, session=None, power_cycle=None)
     study = fitted(replace(data, poses=alone), DRIFT)
-    assert study.model.state is not None
     assert set(study.model.state.warming) == {DRIFT}
     assert len(rows_as_deployed(study.model, alone)) == COUNT
     deployed, shown = study.held_out.deployed, study.held_out.error
-    assert deployed is not None
-    assert deployed.time_unknown is not None
-    assert shown is not None
     assert deployed.now.rms == pytest.approx(shown.rms, rel=0.01)
     assert deployed.otherwise is None
     assert deployed.time_unknown.rms > 3.0 * deployed.now.rms
     path = tmp_path / "model.toml"
     study.save(path)
     read = load_model(path)
-    assert read.state is not None
     assert read.state.warming == pytest.approx(study.model.state.warming)
     new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
     for running in (0.0, 600.0, 1e5):
@@ -178,7 +161,6 @@ def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tm
 def test_several_sessions_follow_no_time() -> None:
     """Times since the first power-on are none since the last."""
     state = fitted(measured({"drift.joint1.A_rad": 0.05}), DRIFT).model.state
-    assert state is not None
     assert not state.warming
 
 
@@ -202,7 +184,6 @@ def test_what_remembers_leaves_its_mean_where_its_end_predicts_no_better() -> No
     data = measured({})
     tcp = solve_equilibrium(model, data.poses).tcp + np.random.default_rng(4).normal(0.0, NOISE, (COUNT, 3))
     state = fitted(data.with_tcp(tcp), creep).model.state
-    assert state is not None
     assert state.carried == {creep: "mean"}
 
 
@@ -210,7 +191,6 @@ def test_without_an_order_the_mean_is_deployed() -> None:
     """Nobody knows which pose was the last; every pose is then one of its state."""
     data = measured({"session.joint1.step2_rad": 0.04}, numbered=False)
     study = fitted(data, SESSION)
-    assert study.model.state is not None
     assert study.model.state.carried == {SESSION: "mean"}
     assert study.model.state.offsets["offsets.joint1.theta_rad"] == pytest.approx(0.04 * 2 / 3, abs=1e-3)
     assert len(rows_as_deployed(study.model, data.poses)) == COUNT
@@ -219,8 +199,6 @@ def test_without_an_order_the_mean_is_deployed() -> None:
 def test_a_model_of_lasting_effects_has_one_error() -> None:
     """In the session and as deployed it is the same, pose by pose."""
     study = fitted(measured({}))
-    assert study.held_out.deployed is not None
-    assert study.held_out.error is not None
     assert study.held_out.deployed.otherwise is None
     assert study.held_out.deployed.now.rms == study.held_out.error.rms
 
@@ -249,14 +227,12 @@ def test_the_error_as_deployed_says_of_how_many_poses_it_is() -> None:
     """It is of the warm poses alone: beside that of a step before, of all poses, it would show a fall of its own."""
     plain, warm = (fitted(measured({"drift.joint1.A_rad": 0.05}), *names) for names in ((), (DRIFT,)))
     deployed = warm.held_out.deployed
-    assert deployed is not None
     assert deployed.otherwise is not None
     held = len(rows_as_deployed(warm.model, warm.data.poses))
     assert 0 < held < COUNT
     assert (plain.file.history[-1].deployed_poses, warm.file.history[-1].deployed_poses) == (None, held)
     assert deployed.as_json()["poses"] == held
     story = story_of_file(warm.file)
-    assert story is not None
     assert f"at {held} poses" in str(dict(story.facts)["as deployed"])
 
 
@@ -265,10 +241,7 @@ def test_a_diagnosis_compares_the_deployed_models_at_equal_poses() -> None:
     study = fitted(measured({"drift.joint1.A_rad": 0.05}))
     report = study.diagnose()
     first = report.first
-    assert first is not None
-    assert first.fit is not None
     assert first.deployed is not None
-    assert first.deployed_without is not None
     rows = rows_as_deployed(first.fit.model, report.diagnosis.data.poses)
     assert len(rows) < len(report.diagnosis.data)
     blocks = confirm(report.diagnosis).blocks

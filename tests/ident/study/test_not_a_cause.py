@@ -84,7 +84,6 @@ def test_the_list_of_effects_says_it() -> None:
 @pytest.mark.long
 def test_compare_says_it_and_where_it_speaks(study: Study) -> None:
     found = study.compare()
-    assert found.speaks is not None
     assert found.speaks.all(), "at its own data"
     document = comparison_document(found)
     titles = [block.title for block in document.blocks if isinstance(block, ResultTable)]
@@ -115,8 +114,6 @@ def test_poses_beyond_its_range_are_told(file: Path) -> None:
 def test_a_deployment_says_how_much_of_the_reach_it_covers(study: Study, file: Path) -> None:
     config = replace(load_config(CONFIG), arm=study.model.arm)
     coverage = deploy_file(config, file).field
-    assert coverage is not None
-    assert coverage.speaks is not None
     assert coverage == field_coverage(study.model, study.covariance)
     said = field_text(FieldPart(effect=marked(coverage.effect), speaks_share=coverage.speaks, outside_share=0.98))
     assert said.startswith(marked("residual_field@tool"))

@@ -20,6 +20,7 @@ from lrm_ident.data.source import Source
 from lrm_ident.report.model_report import quick_report
 from lrm_ident.study.model_history import model_text
 from lrm_ident.study.notices import NoticeKind
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -93,9 +94,7 @@ IN_ORDER = measured(range(1, COUNT + 1), 0.0, 1)
     t0=st.floats(0.0, 1e6),
     session=st.integers(1, 9),
 )
-def test_numbers_and_times_of_other_data_do_not_matter(
-    names: list[str], first: int, order: list[int], t0: float, session: int
-) -> None:
+def test_numbers_and_times_may_differ(names: list[str], first: int, order: list[int], t0: float, session: int) -> None:
     """Predictions and errors are those of the model without such effects, under the same name of the file as well."""
     arm = load_arm(ARM)
     lasting = model_with(arm, LASTING)
@@ -159,6 +158,14 @@ def test_the_commands_say_what_they_leave_out(tmp_path: Path) -> None:
     saved(measured(range(901, 901 + COUNT), 5e4, 7), tmp_path)
     stdout_of("compare", model, data, "--json", tmp_path / "c.json")
     assert json.loads((tmp_path / "c.json").read_text())["error"] == before
+
+
+def test_a_model_of_no_data_is_whole_on_any() -> None:
+    model = model_with(load_arm(ARM), (*LASTING, "change_point@joint2"))
+    assert model.fitted_to is None
+    found, notices = model_for_data(model, None, HERE)
+    assert (found is model, notices) == (True, ())
+    assert model_for_data(replace(model, fitted_to="1" * 64), None, HERE)[0] is not model
 
 
 def test_a_fit_knows_its_data_at_every_step() -> None:

@@ -48,7 +48,6 @@ def fitted(arm: Arm, data: Measurements) -> tuple[Model, Model]:
 
 
 def reversion(model: Model) -> Reversion | None:
-    assert model.within is not None
     return model.within.reversion
 
 
@@ -62,7 +61,6 @@ def test_a_curve_that_grows_with_another_joint_ends_with_its_range(lab: Arm) -> 
     data, beyond = measured(lab, with_joint4=True), measured(lab, with_joint4=True, upper=False)
     before, after = fitted(lab, data)
     found = reversion(after)
-    assert found is not None
     assert found.terms == (CURVE,)
     assert list(found.limiting) == [3]
     assert found.limiting[3][0] == data.poses.q[:, 3].min()
@@ -96,7 +94,6 @@ def test_a_wave_whose_form_is_wrong_ends_with_the_range_of_its_joint(lab: Arm) -
     ).model
     assert reversion(wave) is None, "a law alone holds everywhere"
     found = reversion(add_effects(wave, data, effects_at(lab, "angle_curve@joint3")).model)
-    assert found is not None
     assert set(found.terms) == {"gear_ripple@joint3", "angle_curve@joint3"}
     assert list(found.limiting) == [2]
     assert found.limiting[2] == (q[:, 2].min(), q[:, 2].max())
@@ -137,7 +134,6 @@ def test_three_angles_a_joint(tmp_path: Path) -> None:
     def sd(first: float) -> float:
         """m, stated for a command of joint 1."""
         found = solver.forward([first, LEVELS[2]]).uncertainty
-        assert found is not None
         return found.sd
 
     at, between, inside, beyond = (sd(angle) for angle in (0.0, BETWEEN, np.radians(50.0), BEYOND))

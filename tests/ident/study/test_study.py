@@ -138,7 +138,6 @@ def test_auto_leaves_outliers_out_of_its_model_where_it_adds_nothing(folder: Pat
     stdout = stdout_of(*words, "--effects-file", folder / "mine.py", "-o", folder / "without.toml")
     end = lrm.read_study(folder / "without.toml", folder / "data.csv", folder / "mine.py")
     known = end.file.provenance
-    assert known is not None
     assert WRONG in known.left_out
     before, after = end.file.history
     assert (before.held_out_rms_mm or 0.0) > 1.1 * (after.held_out_rms_mm or 0.0) > 0.0
@@ -155,7 +154,6 @@ def test_outliers_stay_out_in_python(folder: Path) -> None:
     lrm.save(added, data, folder / "added.toml")
     assert len(added.residual) < len(data)
     known = lrm.read_study(folder / "added.toml", folder / "data.csv").file.provenance
-    assert known is not None
     assert WRONG in known.left_out
 
 
@@ -167,7 +165,6 @@ def test_an_added_effect_tells_the_rest_of_its_class(folder: Path) -> None:
     assert rest
     step = study.add(name, screened).file.history[-1]
     assert (step.name, step.indistinguishable) == (StepName(ADD, name), list(rest))
-    assert step.rivals_mm is not None
     assert not {name, *rest} & step.rivals_mm.keys()
 
 

@@ -90,7 +90,6 @@ def test_pulse_longer_than_the_period_is_an_error() -> None:
 
 def test_joint_1_of_table_3_1(rover: Arm) -> None:
     servo = rover.joints[0].servo
-    assert servo is not None
     np.testing.assert_allclose(servo.pulse_of(np.radians([-100, 0, 50, 100])) * 1e6, [620, 1540, 2000, 2460])
 
 

@@ -21,13 +21,7 @@ from lrm_math.arm.collision_shapes import Box, Capsule, HeightField, Shapes
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance, clearance_of
-from lrm_math.collision.straight_move import (
-    RESOLUTION,
-    ArmBodies,
-    MotionClearance,
-    check_path,
-    rigid_bodies,
-)
+from lrm_math.collision.straight_move import RESOLUTION, ArmBodies, MotionClearance, check_path, rigid_bodies
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.forward import frames
@@ -35,7 +29,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
-from tests.math.kinematics.test_chain import link_matrices, turn
+from tests.support.link_matrices import link_matrices, turn
 from tests.support.random_arms import random_arm, with_followers
 from tests.support.sweep import examples
 
@@ -57,11 +51,7 @@ def rotation(rng: np.random.Generator) -> Array:
 
 def angles_of(R: Array) -> tuple[float, float, float]:
     """alpha, beta, gamma of R = Rx Ry Rz."""
-    return (
-        math.atan2(-R[1, 2], R[2, 2]),
-        math.asin(float(np.clip(R[0, 2], -1, 1))),
-        math.atan2(-R[0, 1], R[0, 0]),
-    )
+    return (math.atan2(-R[1, 2], R[2, 2]), math.asin(float(np.clip(R[0, 2], -1, 1))), math.atan2(-R[0, 1], R[0, 0]))
 
 
 def shaped_arm(seed: int, joints: int) -> Arm:

@@ -181,7 +181,6 @@ def test_a_pose_within_the_range_is_predicted_by_the_formula(lab: Arm) -> None:
     q = np.random.default_rng(3).uniform(-0.5, 0.5, (5, 6))
     within = replace(model, within=MeasuredRange(((-0.5, 0.5),) * 6, (0.0, 0.0)))
     assert np.array_equal(*(solve_equilibrium(one, Poses(q, np.zeros(5))).tcp for one in (model, within)))
-    assert within.within is not None
     assert within.within.joints_outside(np.array([0.0, 0.6, 0.5, -0.5, -0.51, 0.0])) == (2, 5)
     assert within.within.sentence(q) == ""
     assert "1 of 1 poses" in within.within.sentence(q[:1] + 1.0)

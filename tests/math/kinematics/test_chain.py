@@ -8,40 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import MOST_JOINTS, Arm
-from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of, pull_back, trig
 from lrm_math.kinematics.forward import chain_geometry, frames
 from lrm_math.kinematics.statics import carried_along
 from lrm_math.model.derivatives import slot_jacobian
 from tests.support.central_differences import stepped
+from tests.support.link_matrices import link_matrices
 from tests.support.random_arms import arms, random_arm
-
-
-def turn(axis: int, angle: float) -> Array:
-    M, c, s = np.eye(4), np.cos(angle), np.sin(angle)
-    i, j = [(1, 2), (2, 0), (0, 1)][axis]
-    M[i, i] = M[j, j] = c
-    M[i, j], M[j, i] = -s, s
-    return M
-
-
-def shift(x: float, y: float, z: float) -> Array:
-    M = np.eye(4)
-    M[:3, 3] = x, y, z
-    return M
-
-
-def link_matrices(arm: Arm, q: Array) -> list[Array]:
-    """Base, after every joint, tool: thesis Eq 2.2 with the extra translations of Table 4.2."""
-    b, t = arm.base, arm.tool
-    out = [shift(b.x, b.y, b.z) @ turn(0, b.alpha) @ turn(1, b.beta) @ turn(2, b.gamma)]
-    own = iter(q)
-    for _, joint, mimic in arm.chain_order:
-        angle = next(own) if mimic is None else mimic.ratio * q[mimic.leader] + mimic.offset
-        link = turn(2, joint.theta + angle) @ shift(0, 0, joint.d) @ shift(joint.a, 0, 0) @ turn(0, joint.alpha)
-        out.append(out[-1] @ link @ shift(0, 0, joint.extra_z or 0.0))
-    out.append(out[-1] @ turn(0, t.alpha) @ turn(1, t.beta) @ turn(2, t.gamma) @ shift(t.x, t.y, t.z))
-    return out
 
 
 @pytest.mark.slow

@@ -71,7 +71,6 @@ def test_a_mean_state_is_the_mean_over_the_measured_poses() -> None:
     model, poses = model_with({"session.joint2.step2_rad": 0.02}), session_poses(LAB, 1)
     settled = solve_equilibrium(model, poses)
     state = state_after_session(settled, {"session@joint2": "mean"})
-    assert state is not None
     assert state.offsets == pytest.approx({"offsets.joint2.theta_rad": 0.01})
     again = state_after_session(replace(settled, model=model.with_state(state)))
     assert again == state
@@ -123,7 +122,6 @@ def test_the_state_is_in_the_model_file() -> None:
     model = fitted(model_with({"drift.joint3.A_rad": 0.05}), session_poses(LAB, 2))
     free = replace(model, free=("drift.joint3.A_rad",))
     read = as_written(free, "lrm-lab")
-    assert read.state is not None
     assert read.state.carried == {"drift@joint3": "last"}
     poses = session_poses(LAB, 3)
     np.testing.assert_allclose(

@@ -40,7 +40,6 @@ def test_it_speaks_where_the_predicted_deviation_says_so(seed: int) -> None:
     q = field.rng.uniform(1.1 * field.lower, 1.1 * field.upper, (20, LAB.dof))
     speaks = field_speaks(model, covariance, q)
     spread = position_covariance(solve_equilibrium(model, poses_of(q)), covariance)
-    assert speaks is not None
     assert spread is not None
     variance, beyond = np.einsum("nii->n", spread), 3 * 2e-3**2
     sure = np.abs(variance - UNSURE * beyond) > 1e-9 * beyond
@@ -54,9 +53,6 @@ def test_its_share_of_the_reach_is_that_of_the_range(seed: int) -> None:
     """A field that is sure in its range speaks there and on a short way beyond, so at the range's share at least."""
     model, covariance = known(Learned(seed))
     coverage = field_coverage(model, covariance)
-    assert coverage is not None
-    assert coverage.speaks is not None
-    assert model.within is not None
     share = np.prod([(b - a) / (j.upper - j.lower) for (a, b), j in zip(model.within.angle, LAB.joints, strict=True)])
     assert coverage.outside == pytest.approx(1.0 - share, abs=4.0 * np.sqrt(share / 2000) + 2e-3)
     assert 1.0 - coverage.outside - 1e-12 <= coverage.speaks <= 1.0
@@ -67,7 +63,6 @@ def test_what_is_not_known_is_not_said() -> None:
     field = Learned(3)
     model, covariance = known(field)
     unknown = field_coverage(model, None)
-    assert unknown is not None
     assert unknown.speaks is None
     assert unknown.outside > 0.5
     assert field_speaks(model, None, field.inside().q) is None

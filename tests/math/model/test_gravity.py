@@ -195,7 +195,6 @@ def test_an_arm_file_states_what_the_arm_stands_on(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_text(f"{text}\n[vehicle]\nmass_g = 10000\ncom_mm = [0, 0, 100]\ncontacts_mm = {contacts}\n")
     found = load_arm(str(path)).vehicle
-    assert found is not None
     assert found.mass == pytest.approx(10.0)
     assert np.allclose(found.contacts, CORNERS)
 
@@ -210,8 +209,6 @@ def test_answers_have_it_where_the_arm_file_has_a_vehicle() -> None:
     level = next(service.forward(FkRequest(q_rad=[q])))
     a = np.radians(10.0)
     sloped = next(service.under_gravity((0.0, float(np.sin(a)), float(-np.cos(a)))).forward(FkRequest(q_rad=[q])))
-    assert level.tip_over_rad is not None
-    assert sloped.tip_over_rad is not None
     assert sloped.tip_over_rad < level.tip_over_rad - 0.5 * a
     answer = next(service.inverse(IkRequest(goals=[GoalEntry(position_m=level.tcp_m)], near_rad=q)))
     assert answer.tip_over_rad == pytest.approx(level.tip_over_rad, abs=0.05)

@@ -72,13 +72,11 @@ class Stranger:
         if self.lease and self.ask("rpc/lease", action="renew", lease=self.lease):
             return
         taken = self.ask("rpc/lease", action="acquire", holder="stranger", take=True)
-        assert taken is not None
         self.lease = taken["lease"]
 
     def commanded(self) -> Array:
         """(n,), commanded angles (rad)."""
         state = self.ask("state/joints")
-        assert state is not None
         return np.array(state["q_rad"][: self.config.dof])
 
     def named(self, q: Array) -> dict[str, float]:
@@ -173,7 +171,6 @@ def waiting_client(trial: Trial, seconds: float) -> None:
             lost = _ends_of(trial, "dying")
             command = [sys.executable, "-c", MOVER, trial.setup.endpoint, str(sign * 0.9)]
             with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as dying:
-                assert dying.stdout is not None
                 assert dying.stdout.readline() == "moving\n", "the client that is to die moves the arm"
                 time.sleep(0.3)
                 dying.kill()
@@ -184,7 +181,6 @@ def waiting_client(trial: Trial, seconds: float) -> None:
             time.sleep(0.3)
             assert np.array_equal(before, waiting.commanded()), "the motion went on under the next client"
             mode = waiting.ask("state/mode")
-            assert mode is not None
             assert (mode["mode"], mode["why"]) == ("holding", "lease lost")
             assert _ends_of(trial, "dying") == lost + 1
         sign = -sign

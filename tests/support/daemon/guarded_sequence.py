@@ -373,7 +373,6 @@ class GuardedSequence:
     def leased(self) -> str:
         """The token of a new lease."""
         lease = self.sim.core.handle(LeaseRequest(action="acquire", holder="x", take=True), self.sim.now).lease
-        assert lease is not None
         return lease.token
 
     def request_move(self, *waypoints: Array, may_touch: Sequence[ContactEntry] = ()) -> None:

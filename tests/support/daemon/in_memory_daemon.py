@@ -137,6 +137,22 @@ class SimulatedDaemon:
         if data:
             self.held_out += self.board.feed(data, self.now)
 
+    def estop(self, later: int = 0) -> None:
+        """By the router's process; the API process is told some ticks later."""
+        self.estop_requested = True
+        self.run(later)
+        self.core.estop(self.now, "x")
+
+    def brown_out(self) -> None:
+        """The board loses its power for a moment: the pulses are off."""
+        self.board.power_cycle(self.now)
+        self.outputs = self._pulses()
+
+    @property
+    def limp(self) -> bool:
+        """Whether no servo has pulses, as of the last tick."""
+        return not any(self.outputs.values())
+
     def restart_ramp(self) -> None:
         """kill -9 of the ramp process: a new one finds the last report."""
         self.starts += 1

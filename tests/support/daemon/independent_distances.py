@@ -14,7 +14,7 @@ import numpy as np
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.collision_shapes import WORLD, Box, Capsule, HeightField, Obstacle
 from lrm_math.arrays import Array
-from tests.math.kinematics.test_chain import shift, turn
+from tests.support.link_matrices import shift, turn
 
 POINTS, ROUNDS = 9, 6
 Signed: TypeAlias = Callable[[Array, Array], Array]

@@ -42,7 +42,6 @@ class SkilledDaemon(SimulatedDaemon):
             super().__init__(config_at(330.0, Path(folder)))
         self.run(30)
         lease = self.core.handle(LeaseRequest(action="acquire", holder="test"), self.now).lease
-        assert lease is not None
         self.lease = lease.token
         names = [*self.config.names[:6], "gripper"]
         self.core.handle(ArmRequest(lease=self.lease, where="given", q_rad=dict.fromkeys(names, 0.0)), self.now)

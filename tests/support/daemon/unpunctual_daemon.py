@@ -92,8 +92,7 @@ class UnpunctualDaemon(SimulatedDaemon):
                 for name in self.config.names if names is None else names:
                     self.named.pop(self.config.index(name), None)
 
-    def estop(self, later: int) -> None:
-        """By the router's process; the API process is told some ticks later."""
+    def estop(self, later: int = 0) -> None:
         self.estop_requested = True
         self.named.clear()
         self.suspend(later)

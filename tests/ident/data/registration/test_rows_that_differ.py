@@ -48,7 +48,6 @@ def test_the_pose_from_which_the_frame_was_moved_is_found(measured: Measurements
     tcp = measured.tcp.copy()
     tcp[first:] = (tcp[first:] - shift) @ turn
     found = moved_frame(ARM, measured.with_tcp(tcp))
-    assert found is not None
     assert found.first == measured.pose[first]
     assert found.last == measured.pose[-1]
     assert found.angle == pytest.approx(np.arccos((np.trace(turn) - 1.0) / 2.0), abs=np.radians(1.0))

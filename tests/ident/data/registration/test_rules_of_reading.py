@@ -56,7 +56,6 @@ def found(lab: Arm, patch: Patch, read: ScoredReading, *others: ScoredReading) -
     for name in ("_other_arms", "_unrelated_columns", "_shifted_rows"):
         patch.setattr(reading_check, name, nothing)
     checked = check_reading(lab, data)
-    assert checked is not None
     return [one.hypothesis.words for one in checked.found]
 
 
@@ -79,9 +78,7 @@ def test_a_reading_that_leaves_more_than_a_right_one_does_is_none(lab: Arm, monk
 
 
 @pytest.mark.parametrize(("hung", "weightless", "sags"), [(0.7, 1.0, True), (0.8, 2.0, False), (0.7, 0.9, False)])
-def test_gravity_acts_otherwise_only_where_no_weightless_arm_explains_as_much(
-    lab: Arm, monkeypatch: Patch, hung: float, weightless: float, sags: bool
-) -> None:
+def test_weightless_arms_explain_less(lab: Arm, monkeypatch: Patch, hung: float, weightless: float, sags: bool) -> None:
     monkeypatch.setattr(reading_check.PointSet, "as_read", None)
     monkeypatch.setattr(reading_check.PointSet, "scored", lambda *_: scored(weightless))
     points = reading_check.PointSet(lab, None, np.zeros((0, 3)), None)  # type: ignore[arg-type]
@@ -89,9 +86,7 @@ def test_gravity_acts_otherwise_only_where_no_weightless_arm_explains_as_much(
 
 
 @pytest.mark.parametrize(("left", "moved", "hidden"), [(0.3, 0.05, True), (0.4, 0.05, False), (0.3, 0.2, False)])
-def test_a_sign_hides_where_the_tip_is_near_that_axis(
-    lab: Arm, monkeypatch: Patch, left: float, moved: float, hidden: bool
-) -> None:
+def test_a_sign_hides_near_its_axis(lab: Arm, monkeypatch: Patch, left: float, moved: float, hidden: bool) -> None:
     """Where the other sign leaves a third, and hardly moves the tip."""
     sign: Any = SimpleNamespace(complexity=reading_check.SIMPLE, q="other")
     monkeypatch.setattr(reading_check, "other_signs", lambda _: [sign])

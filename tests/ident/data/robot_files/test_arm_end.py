@@ -14,7 +14,6 @@ from lrm_ident.data.rigid_motion import from_xyz_rpy, placement, placement_motio
 from lrm_ident.data.robot_files.urdf import parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_math.errors import FileError
-from tests.support.commands import stderr_of
 from tests.support.mimic_robots import palletiser
 from tests.support.vendor_robots import joint, link, turning, vendor_parts
 
@@ -60,7 +59,6 @@ def test_an_arm_ends_before_its_gripper(name: str) -> None:
     assert (found.tip, found.arm.dof, found.arm.mimics) == ("hand", 4, ())
     notice = next(words for words in found.notices if "the gripper's" in words)
     farther = re.search(r"--tip (\w+)", notice)
-    assert farther is not None
     assert farther[1] in arm_with(GRIPPERS[name])
 
 
@@ -93,13 +91,6 @@ def test_a_link_beside_the_robot_is_not_read() -> None:
     text = f'<robot name="v"><link name="room"/>{vendor_parts(3)}</robot>'
     found = import_arm(parse_urdf(Path("arm.urdf"), text))
     assert "link 'room' hangs on no joint and carries none: it is not read" in found.notices
-
-
-def test_a_conflict_that_git_left_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="v">\n<<<<<<< HEAD\n{vendor_parts(3)}\n=======\n>>>>>>> other\n</robot>')
-    said = stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
-    assert "line 2 is a conflict that git left there: keep one of its two versions" in said
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-17, 0), st.floats(-3.1, 3.1), st.sampled_from([-1.0, 1.0]))

@@ -83,16 +83,17 @@ def test_one_sign_of_heavy_masses_is_a_notice_at_most(moments: float, efforts: s
     assert ("are the masses right?" in stderr) == (moments == 1e-6)
 
 
-def test_a_joint_that_turns_on_and_on_is_cut_to_a_turn(tmp_path: Path) -> None:
-    code, stderr, _ = imported(robot(limits='lower="-10000" upper="10000"'), tmp_path)
-    assert code == 0
-    assert "limits -10000 to 10000 rad cut to one turn either way" in stderr
-
-
-def test_a_joint_of_the_chain_without_a_range_is_refused(tmp_path: Path) -> None:
-    code, stderr, _ = imported(robot(limits='lower="0" upper="0"'), tmp_path)
-    assert code == 2
-    assert "joint j1: limits 0 to 0 rad; lower < upper" in stderr
+@pytest.mark.parametrize(
+    ("limit", "code", "said"),
+    [
+        (10000, 0, "limits -10000 to 10000 rad cut to one turn either way"),
+        (0, 2, "j1: limits 0 to 0 rad; lower < upper"),
+    ],
+)
+def test_limits_beyond_a_turn_are_cut_and_none_are_refused(limit: int, code: int, said: str, tmp_path: Path) -> None:
+    ended, stderr, _ = imported(robot(limits=f'lower="{-limit}" upper="{limit}"'), tmp_path)
+    assert ended == code
+    assert said in stderr
 
 
 def test_an_arm_file_says_how_to_accept_and_that_works(tmp_path: Path) -> None:

@@ -273,9 +273,7 @@ def test_gravity_follows_the_link_that_the_arm_begins_at(seed: int) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (1.2, -3.0, -9.0)])
-def test_an_export_without_a_robot_of_its_own_is_mounted_as_the_arm_is(
-    gravity: tuple[float, float, float], tmp_path: Path
-) -> None:
+def test_an_export_without_a_robot_is_mounted_alike(gravity: tuple[float, float, float], tmp_path: Path) -> None:
     """The file read back has the same loads on its joints; an upright arm's file needs no world."""
     arm = replace(load_arm("so101"), gravity=gravity)
     (tmp_path / "arm.toml").write_text(arm_text(arm, source="test"))

@@ -71,9 +71,7 @@ def lerobot_reads(motor: MotorCalibration, encoder: float) -> float:
 @pytest.mark.long
 @examples(15, 30)
 @given(offsets=st.lists(st.floats(-0.3, 0.3), min_size=5, max_size=5), encoder=st.integers(0, 4095))
-def test_lerobot_reads_the_true_angle(
-    tmp_path_factory: pytest.TempPathFactory, offsets: list[float], encoder: int
-) -> None:
+def test_lerobot_reads_it_true(tmp_path_factory: pytest.TempPathFactory, offsets: list[float], encoder: int) -> None:
     path = calibration_file(tmp_path_factory.mktemp("calibration"))
     model = model_with(**{f"joint{i}": value for i, value in enumerate(offsets, start=1)})
     before, after = corrected(path, model_with()), corrected(path, model)
@@ -108,9 +106,7 @@ def test_the_driver_of_ros_reads_the_same_angle_from_its_own_zero(tmp_path: Path
         ({"range_min": 0, "range_max": 4095, "homing_offset": -2047}, "has room for"),
     ],
 )
-def test_a_calibration_that_cannot_be_corrected_is_one_line(
-    tmp_path: Path, changes: dict[str, object], said: str
-) -> None:
+def test_a_calibration_beyond_repair_is_one_line(tmp_path: Path, changes: dict[str, object], said: str) -> None:
     (tmp_path / "model.toml").write_text(MODEL.replace('joint3.theta_rad" = -0.02', 'joint3.theta_rad" = 0.02'))
     path, out = calibration_file(tmp_path, **changes), tmp_path / "out.json"
     assert said in stderr_of("arm", "export", tmp_path / "model.toml", "--calibration", path, "-o", out)

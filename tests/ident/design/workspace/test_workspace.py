@@ -39,13 +39,8 @@ MIRROR = np.diag([1.0, -1.0, 1.0])
 def shell_arm(tool: float = 0.0, limit: float = math.pi) -> Arm:
     """Yaw, two links, and a wrist whose three axes meet: its wrist fills the shell between |a − b| and a + b."""
     shape = (
-        (0.0, 0.0, 90.0),
-        (0.0, UPPER, 0.0),
-        (0.0, 0.0, 90.0),
-        (FORE, 0.0, -90.0),
-        (0.0, 0.0, 90.0),
-        (0.0, 0.0, 0.0),
-    )
+        (0.0, 0.0, 90.0), (0.0, UPPER, 0.0), (0.0, 0.0, 90.0), (FORE, 0.0, -90.0), (0.0, 0.0, 90.0), (0.0, 0.0, 0.0),
+    )  # fmt: skip
     joints = tuple(Joint(0.0, d, a, math.radians(alpha), None, -limit, limit) for d, a, alpha in shape)
     return Arm("shell", (0.0, 0.0, -9.81), Placement(), joints, Placement(z=tool), ())
 

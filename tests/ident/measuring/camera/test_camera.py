@@ -51,15 +51,7 @@ from lrm_math.model.sensed import tool_rotation
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.sweep import soak
 from validation.camera.rendered_photos import WEBCAM, PhotoScene
-from validation.camera.scene import (
-    BOARD,
-    HIDDEN,
-    poses_in_view,
-    rig,
-    write_arm_photos,
-    write_lens_photos,
-    write_poses,
-)
+from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, write_arm_photos, write_lens_photos, write_poses
 
 NOISE = 0.2  # px
 LENS = WEBCAM.model_copy(update={"noise_px": NOISE})
@@ -187,10 +179,7 @@ def test_the_tip_is_known_and_the_residual_is_the_noise() -> None:
         ({"camera": moved([0.02, 0.0, 0.0], [0.0, 0.0, 0.6])}, "camera moved between photos 3[0-2] "),
         ({"late": 1}, r"do not fit the poses \(median .*is every photo at the row of its pose"),
         ({"late": -1}, r"do not fit the poses \(median .*is every photo at the row of its pose"),
-        (
-            {"mount": moved([0.002, 0.001, 0.0], [0.0, 0.0, 0.02])},
-            "board slipped on the tool between photos 3[0-2]",
-        ),
+        ({"mount": moved([0.002, 0.001, 0.0], [0.0, 0.0, 0.02])}, "board slipped on the tool between photos 3[0-2]"),
     ],
 )
 def test_what_does_not_belong_together_is_said(change: dict[str, object], words: str) -> None:

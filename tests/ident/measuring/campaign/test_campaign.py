@@ -96,7 +96,6 @@ class FakeWorld:
         return "joint4 is warm" if number in self.warm and number not in self.cooled else ""
 
     def cool(self, rest: PlannedPose) -> None:
-        assert self.at is not None
         self.cooled.append(self.at.number)
 
     def change_payload(self, payload: float) -> None:
@@ -104,7 +103,6 @@ class FakeWorld:
 
     def frames(self, seconds: float) -> list[TrackerFrame]:
         self.step()
-        assert self.at is not None
         self.t += seconds
         self.number += 100
         tip = np.array(self.at.q[:3]) * 0.1
@@ -168,7 +166,6 @@ def test_the_data_say_when_and_how_each_pose_was_measured(tmp_path: Path) -> Non
     assert data.source.notices == ()
     assert data.repeat_of.tolist() == [pose.repeat_of for pose in POSES]
     np.testing.assert_allclose(np.diff(data.poses.t), 15.0, atol=0.01)
-    assert data.sd is not None
     assert np.all(np.abs(data.sd - 1e-4) < 3e-5)
     assert [progress.done for progress in told] == list(range(1, 21))
     assert [progress.done for progress in told if progress.notable] == [1]
@@ -201,7 +198,6 @@ def test_a_pose_is_held_as_long_as_its_file_says_and_the_memory_of_the_data_know
         timing = PoseTiming(15.0, 0.5, 1.0)
         PoseCampaign(world, world, NUMBERS, world, timing, POSES[0], lambda _: None).run(plan.poses, file)
     poses = load_measurements(tmp_path / "data.csv", ARM).poses
-    assert poses.history is not None
     np.testing.assert_allclose(poses.history.visits.step, [0.0, 44.05, 15.0, 124.05], atol=0.06)
 
 
@@ -211,7 +207,6 @@ def test_a_file_without_times_has_the_steps_that_it_was_to_be_held(tmp_path: Pat
     rows = [f"{k + 1},{10 * k},0,0,0,0,0,{60 * (k % 2)},300,{k},200" for k in range(4)]
     (tmp_path / "hand.csv").write_text("\n".join([header, *rows]))
     history = load_measurements(tmp_path / "hand.csv", ARM).poses.history
-    assert history is not None
     assert history.visits.step.tolist() == [0.0, 70.0, 10.0, 70.0]
     assert not history.visits.timed
 
@@ -292,7 +287,6 @@ def test_the_poses_know_since_when_their_session_has_power(sessions: list[tuple[
         poses = load_measurements(path, ARM).poses
     np.testing.assert_allclose(poses.running, expected, atol=2e-3)
     assert poses.t is not None
-    assert poses.warmed is not None
     if sessions[0][2]:
         np.testing.assert_allclose(poses.powered, poses.t + sessions[0][0], atol=2e-3)
         np.testing.assert_allclose(poses.warmed, 9.0)

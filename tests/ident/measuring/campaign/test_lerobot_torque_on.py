@@ -63,9 +63,7 @@ def test_where_one_stands_beyond_its_limits_none_gets_torque(robot: SimulatedFol
     assert turned(robot) < 1e-9
 
 
-def test_an_arm_that_holds_does_not_fall_while_it_is_connected(
-    robot: SimulatedFollower, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_arm_that_holds_is_not_dropped(robot: SimulatedFollower, caplog: pytest.LogCaptureFixture) -> None:
     for servo in robot.bus.servos.values():
         table.GOAL_POSITION.write(servo.memory, 1500)
         table.TORQUE_ENABLE.write(servo.memory, 1)

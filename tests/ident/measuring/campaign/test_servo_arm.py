@@ -168,15 +168,8 @@ def test_without_lerobot_one_line_says_so(tmp_path: Any) -> None:
     poses = tmp_path / "poses.csv"
     poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n1,0,0,0,0,0\n2,30,0,0,0,0\n")
     words = [
-        "measure",
-        poses,
-        "--robot",
-        "lerobot:so101_follower",
-        "--tracker",
-        "dtrack:45991",
-        "-o",
-        tmp_path / "d.csv",
-    ]
+        "measure", poses, "--robot", "lerobot:so101_follower", "--tracker", "dtrack:45991", "-o", tmp_path / "d.csv",
+    ]  # fmt: skip
     said = stderr_of(*words)
     assert "LeRobot is not installed here" in said or "missing" in said
 

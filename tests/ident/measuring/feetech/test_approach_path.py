@@ -62,9 +62,7 @@ def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], 
 @pytest.mark.long
 @examples(3, 20)
 @given(PLANS, st.integers(1, 5))
-def test_where_it_is_not_known_where_the_arm_stood_friction_has_turned_over(
-    plan: list[tuple[list[float], list[int]]], row: int
-) -> None:
+def test_friction_turned_over_where_the_start_is_unknown(plan: list[tuple[list[float], list[int]]], row: int) -> None:
     q, sides, _ = driven(line_of(1, 2, 3, 4, 5), plan)
     begins = np.arange(len(q)) == min(row, len(q) - 1)
     found = states_from_beside(q, sides, ARM, APPROACH, begins)
@@ -83,5 +81,4 @@ def test_a_reader_uses_how_far_beside_the_poses_the_arm_came_from(tmp_path: Path
     file.with_suffix(".toml").write_text(stated)
     expected = states_from_beside(q, sides, ARM, APPROACH, np.zeros(len(q), dtype=bool))
     found = load_measurements(file, ARM).poses.friction
-    assert found is not None
     np.testing.assert_allclose(found, expected, atol=1e-6)

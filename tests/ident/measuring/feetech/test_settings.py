@@ -45,9 +45,7 @@ def test_dynamixel_servos_say_how_they_are_set() -> None:
 
 
 @given(st.dictionaries(st.sampled_from(["a", "b"]), SETTINGS), st.dictionaries(st.sampled_from(["a", "b"]), SETTINGS))
-def test_only_what_both_know_and_differs_is_said(
-    now: dict[str, JointServoSettings], then: dict[str, JointServoSettings]
-) -> None:
+def test_only_what_differs_is_said(now: dict[str, JointServoSettings], then: dict[str, JointServoSettings]) -> None:
     assert settings_difference(now, now) == ""
     assert bool(settings_difference(now, then)) == bool(settings_difference(then, now))
     if not settings_difference(now, then):

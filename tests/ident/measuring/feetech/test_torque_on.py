@@ -42,9 +42,7 @@ def angles(line: BusLine) -> list[float]:
     st.lists(st.tuples(st.integers(0, 1500), st.integers(2500, 4095)), min_size=5, max_size=5),
     st.lists(st.integers(-2, 2), min_size=5, max_size=5),
 )
-def test_torque_on_moves_no_joint_by_more_than_a_degree_wherever_it_stands(
-    counts: list[int], limits: list[tuple[int, int]], turns: list[int]
-) -> None:
+def test_torque_on_moves_no_joint_anywhere(counts: list[int], limits: list[tuple[int, int]], turns: list[int]) -> None:
     """Beyond its own limits and beyond a turn too, of firmware that counts turns and of others."""
     line = line_of(*NUMBERS)
     for k, servo in enumerate(line.bus.servos):
@@ -226,7 +224,6 @@ def falls(servo: FeetechServo) -> float:
 
 def raise_named(door: CampaignDoor) -> None:
     """As `by_servos` does with what ends a campaign."""
-    assert door.arm is not None
     with torque_named(door.arm.servos):
         raise LrmError(door.time.failed[0])
 

@@ -66,14 +66,8 @@ def messages() -> list[Message]:
         t = BEGIN + k / RATE
         turn = dict(zip("xyzw", (0.0, 0.0, 0.0, 1.0), strict=True))
         base = {"position": dict(zip("xyz", BASE_PLACE, strict=True)), "orientation": {"x": x, "y": y, "z": z, "w": w}}
-        out.append(
-            (
-                "/tool",
-                "PoseStamped",
-                t,
-                {"pose": {"position": dict(zip("xyz", place, strict=True)), "orientation": turn}},
-            )
-        )
+        tool = {"position": dict(zip("xyz", place, strict=True)), "orientation": turn}
+        out.append(("/tool", "PoseStamped", t, {"pose": tool}))
         out.append(("/base", "PoseStamped", t, {"pose": base}))
         q = (1 - share) * ANGLES[i] + share * ANGLES[after]
         state = {"name": NAMES[::-1], "position": q[::-1].tolist(), "velocity": [], "effort": []}
@@ -131,13 +125,12 @@ ALL = ("/tool", "/base", "/joint_states")
 
 @pytest.mark.long
 @pytest.mark.parametrize("write", [write_cdr, write_json])
-def test_rests_give_tips_and_the_joint_angles_at_them(
-    tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]
-) -> None:
+def test_rests_give_tips_turns_and_angles(tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]) -> None:
+    """The tool stands as the room does, and the base turned in it."""
     take, data = tmp_path / "take.mcap", tmp_path / "data.csv"
     write(take, ALL)
-    words = ["import", take, take, "--arm", "so101", "--tool", "/tool", "--base", "/base", "-o", data]
-    code, said, complaint = run_command(*words)
+    words = ["--arm", "so101", "--tool", "/tool", "--base", "/base", "--orientation", "-o", data]
+    code, said, complaint = run_command("import", take, take, *words)
     assert (code, complaint) == (0, "")
     assert "3 of 3 poses are in" in said
     table = np.genfromtxt(data, delimiter=",", names=True)
@@ -145,20 +138,6 @@ def test_rests_give_tips_and_the_joint_angles_at_them(
     tips = 1e-3 * np.stack([table[f"{axis}_mm"] for axis in "xyz"], axis=1)
     np.testing.assert_allclose(q, ANGLES, atol=1e-7)
     np.testing.assert_allclose(tips, TIPS, atol=2e-5)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("write", [write_cdr, write_json])
-def test_the_orientation_of_the_tool_against_the_base_reaches_the_file(
-    tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]
-) -> None:
-    """The tool stands as the room does, and the base turned in it."""
-    take, data = tmp_path / "take.mcap", tmp_path / "data.csv"
-    write(take, ALL)
-    words = ["--arm", "so101", "--tool", "/tool", "--base", "/base", "--orientation", "-o", data]
-    code, _, complaint = run_command("import", take, take, *words)
-    assert (code, complaint) == (0, "")
-    table = np.genfromtxt(data, delimiter=",", names=True)
     x, y, z, w = BASE_TURN.inv().as_quat(canonical=True)
     for column, expected in zip(("qw", "qx", "qy", "qz"), (w, x, y, z), strict=True):
         assert table[column] == pytest.approx(np.full(len(TIPS), expected), abs=2e-6)

@@ -98,7 +98,6 @@ def test_every_target_is_a_body_and_nan_where_it_was_not_seen(
                 assert np.isnan(body.position[row]).all()
                 continue
             np.testing.assert_allclose(body.position[row], 1e-3 * np.array(one[int(name)]), atol=1e-6)
-            assert body.rotation is not None
             np.testing.assert_allclose(body.rotation[row], turn.as_matrix(), atol=1e-5)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import chain, pairwise
 from pathlib import Path
@@ -32,6 +32,9 @@ RATE, REST_S, MOVE_S, NOISE_M = 100.0, 3.0, 1.0, 1e-4
 BASE_TURN = Rotation.from_euler("xyz", [0.3, -0.5, 1.1])
 BASE_PLACE = np.array([0.8, -0.3, 1.1])
 TIPS = np.array([[0.3, 0.1, 0.2], [0.25, -0.1, 0.3], [0.1, 0.3, 0.15], [0.3, 0.1, 0.2]])
+HEADER_LINES = 8
+"""Of an export of Motive."""
+BODIES = ("--arm", "lrm-lab", "--tool", "Tool", "--base", "Base")
 HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,payload_g,repeat_of\n"
 
 
@@ -54,11 +57,14 @@ def recorded() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, tool, np.tile(BASE_PLACE, (len(t), 1))
 
 
-def motive(path: Path, unit: str = "Millimeters", factor: float = 1e3, rotation: str = "Quaternion") -> Path:
-    """An export of format version 1.25, with what a real one has beside the bodies; the tool is hidden for a while."""
+def motive(path: Path, unit: str = "Millimeters", factor: float = 1e3, turn: Sequence[float] = (0, 0, 0, 1)) -> Path:
+    """An export of format version 1.25, with what a real one has beside the bodies; the tool is hidden for a while.
+
+    `turn`: of the tool, as a quaternion x, y, z, w.
+    """
     t, tool, base = recorded()
     x, y, z, w = BASE_TURN.as_quat()
-    about = f"Format Version,1.25,Take Name,t,Rotation Type,{rotation},Length Units,{unit},Coordinate Space,Global"
+    about = f"Format Version,1.25,Take Name,t,Rotation Type,Quaternion,Length Units,{unit},Coordinate Space,Global"
     kinds = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"]
     axes = [*"XYZWXYZ", ""]
     rows = [about, ""]
@@ -70,21 +76,26 @@ def motive(path: Path, unit: str = "Millimeters", factor: float = 1e3, rotation:
     rows.append("Frame,Time (Seconds)," + ",".join([*axes, *axes, *"XYZ"]))
     for k in range(len(t)):
         own = [f"{v:.6f}" for v in (x, y, z, w, *base[k] * factor, 0.1)]
-        hand = [f"{v:.6f}" for v in (0, 0, 0, 1, *tool[k] * factor, 0.1)] if k % 97 else [""] * 8
+        hand = [f"{v:.6f}" for v in (*turn, *tool[k] * factor, 0.1)] if k % 97 else [""] * 8
         rows.append(",".join([str(k), f"{t[k]:.6f}", *own, *hand, "9", "9", "9"]))
     path.write_text("\n".join(rows) + "\n")
     return path
 
 
-def vicon(path: Path, rotation: str, prefix: str = "") -> Path:
-    """An export of Tracker: two objects, rotations in rad as a helical vector, Euler angles or a quaternion."""
+def vicon(
+    path: Path, rotation: str, prefix: str = "", turned: Sequence[float] | None = None, unit: str = "rad"
+) -> Path:
+    """An export of Tracker: two objects, rotations as a helical vector, Euler angles or a quaternion.
+
+    Both are turned as the base is, or as `turned` says in a unit.
+    """
     t, tool, base = recorded()
     turn = {"helical": BASE_TURN.as_rotvec(), "euler-xyz": BASE_TURN.as_euler("XYZ"), "quaternion": BASE_TURN.as_quat()}
-    angles, axes = turn[rotation], ["RX", "RY", "RZ", "RW"][: len(turn[rotation])]
+    angles, axes = turn[rotation] if turned is None else turned, ["RX", "RY", "RZ", "RW"][: len(turn[rotation])]
     wide = "," * (len(axes) + 2)
     rows = ["Objects", "100", f",,{prefix}Base:Base{wide},{prefix}Tool:Tool{wide}"]
     rows.append(",".join(["Frame", "Sub Frame", *2 * [*axes, "TX", "TY", "TZ"]]))
-    rows.append(",".join(["", "", *2 * [*["rad"] * len(axes), "mm", "mm", "mm"]]))
+    rows.append(",".join(["", "", *2 * [*[unit] * len(axes), "mm", "mm", "mm"]]))
     for k in range(len(t)):
         numbers = [*angles, *base[k] * 1e3, *angles, *tool[k] * 1e3]
         rows.append(",".join([str(k + 1), "0", *(f"{v:.6f}" for v in numbers)]))
@@ -152,17 +163,21 @@ def test_the_tip_at_every_rest_comes_out_of_the_recording(tmp_path: Path, kind: 
     assert 'arm = "lrm-lab"' in data.with_suffix(".toml").read_text()
 
 
+def hidden(path: Path, begin: int, end: int) -> Path:
+    """The export with the tool unseen in these frames."""
+    lines = path.read_text().splitlines()
+    for k in range(begin, end):
+        cells = lines[k + HEADER_LINES].split(",")
+        lines[k + HEADER_LINES] = ",".join([*cells[:10], *[""] * 8, *cells[18:]])
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
 def test_a_rest_in_which_the_tool_is_hidden_is_left_out_and_said(tmp_path: Path) -> None:
-    source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
-    lines = source.read_text().splitlines()
-    for k in range(640, 700):  # within the second rest
-        cells = lines[k + 8].split(",")
-        lines[k + 8] = ",".join([*cells[:10], *[""] * 8, *cells[18:]])
-    source.write_text("\n".join(lines) + "\n")
-    times = ("--every", "4", "--first", "2.9", "--tool", "Tool", "--base", "Base")
-    said = stdout_of("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, *times)
+    source, data = hidden(motive(tmp_path / "take.csv"), 640, 700), tmp_path / "data.csv"
+    said = stdout_of("import", source, poses(tmp_path), *BODIES, "-o", data, "--every", "4", "--first", "2.9")
     assert "left out: pose 2: target 1 unseen" in said
-    assert numbers_of(read_csv(data, ["pose"]), "pose").tolist() == [1, 3, 4]
+    assert numbers(data) == [1, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -366,15 +381,12 @@ def test_rests_and_poses_of_irregular_times_find_each_other(gaps: list[float], d
         assert one is not None, "both ends are there"
 
 
-@pytest.mark.parametrize("name", ["motive, mm", "vicon helical", "vicon euler", "vicon quaternion"])
-def test_the_orientation_of_the_tool_reaches_the_file(name: str, tmp_path: Path) -> None:
-    """Motive's tool stands as the room does, Vicon's as the base does."""
-    write, options = WRITERS[name]
-    recording, written = write(tmp_path / "take.csv"), tmp_path / "data.csv"
-    words = [*options, "--arm", "lrm-rover", "--orientation", "-o", str(written)]
-    run_command("import", str(recording), str(poses(tmp_path)), *words)
+def test_the_orientation_of_the_tool_is_that_against_the_base(tmp_path: Path) -> None:
+    """The tool stands as the room does."""
+    recording, written = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
+    run_command("import", recording, poses(tmp_path), *BODIES, "--orientation", "-o", written)
     table = read_csv(written, ["qw", "qx", "qy", "qz", "srot_deg"])
-    x, y, z, w = (BASE_TURN.inv() if "motive" in name else Rotation.identity()).as_quat(canonical=True)
+    x, y, z, w = BASE_TURN.inv().as_quat(canonical=True)
     for column, expected in zip(("qw", "qx", "qy", "qz"), (w, x, y, z), strict=True):
         assert numbers_of(table, column) == pytest.approx(np.full(4, expected), abs=2e-6)
     assert (numbers_of(table, "srot_deg") == 0.001).all()
@@ -393,80 +405,39 @@ EULER_DEG = (90.0, 0.0, 90.0)
 HELICAL_DEG = (69.2820323, -69.2820323, 69.2820323)
 
 
-def motive_turned(path: Path) -> list[str]:
-    """OptiTrack: quaternions x, y, z, w."""
-    rows = ["Format Version,1.25,Rotation Type,Quaternion,Length Units,Meters", "", ",Type" + ",Rigid Body" * 7]
-    rows += [",Name" + ",tool" * 7, ",ID" + ",1" * 7, ",," + ",".join(["Rotation"] * 4 + ["Position"] * 3)]
-    rows.append("Frame,Time (Seconds),X,Y,Z,W,X,Y,Z")
-    rows += [f"{k},{t:.3f},{X},{Y},{Z},{W},{x:.6f},{y:.6f},{z:.6f}" for k, t, x, y, z in frames()]
-    path.write_text("\n".join(rows) + "\n")
-    return ["--tool", "tool"]
-
-
-def vicon_turned(path: Path, axes: str, numbers: tuple[float, ...], unit: str) -> None:
-    """Vicon Tracker: rotations before positions."""
-    count = len(numbers)
-    rows = ["Objects", "100", ",,tool", f"Frame,Sub Frame,{axes},TX,TY,TZ", f",,{','.join([unit] * count)},mm,mm,mm"]
-    turn = ",".join(map(str, numbers))
-    rows += [f"{k + 1},0,{turn},{1e3 * x:.3f},{1e3 * y:.3f},{1e3 * z:.3f}" for k, _, x, y, z in frames()]
-    path.write_text("\n".join(rows) + "\n")
-
-
-def vicon_euler(path: Path) -> list[str]:
-    vicon_turned(path, "RX,RY,RZ", EULER_DEG, "deg")
-    return ["--tool", "tool", "--rotation", "euler-xyz"]
-
-
-def vicon_helical(path: Path) -> list[str]:
-    vicon_turned(path, "RX,RY,RZ", tuple(np.radians(HELICAL_DEG)), "rad")
-    return ["--tool", "tool", "--rotation", "helical"]
-
-
-def vicon_quaternion(path: Path) -> list[str]:
-    vicon_turned(path, "RX,RY,RZ,RW", (X, Y, Z, W), "")
-    return ["--tool", "tool"]
-
-
-def dtrack(path: Path) -> list[str]:
+def dtrack(path: Path) -> None:
     """ART: the matrix by columns; the three angles beside the position are not used."""
-    path.write_text(
-        "".join(
-            f"fr {k + 1}\nts {t:.3f}\n6d 1 [3 1.000][{1e3 * x:.3f} {1e3 * y:.3f} {1e3 * z:.3f} 7 8 9][{BY_COLUMNS}]\n"
-            for k, t, x, y, z in frames()
-        )
+    t, tool, _ = recorded()
+    rows = (
+        f"fr {k + 1}\nts {t[k]:.3f}\n6d 1 [3 1.000][{x:.3f} {y:.3f} {z:.3f} 7 8 9][{BY_COLUMNS}]\n"
+        for k, (x, y, z) in enumerate(1e3 * tool)
     )
-    return ["--tool", "3"]
+    path.write_text("".join(rows))
 
 
-def frames() -> list[tuple[int, float, float, float, float]]:
-    """Number, time (s), and tip (m) with noise."""
-    t, tips = walk()
-    seen = tips + np.random.default_rng(0).normal(scale=1e-4, size=tips.shape)
-    return [(k, float(t[k]), *map(float, seen[k])) for k in range(len(t))]  # type: ignore[misc]
+TURNED: dict[str, tuple[Callable[[Path], object], list[str]]] = {
+    "motive": (lambda path: motive(path, turn=(X, Y, Z, W)), ["Tool"]),
+    "euler": (
+        lambda path: vicon(path, "euler-xyz", "", EULER_DEG, "deg"), ["Tool:Tool", "--rotation", "euler-xyz"]
+    ),
+    "helical": (
+        lambda path: vicon(path, "helical", "", np.radians(HELICAL_DEG)), ["Tool:Tool", "--rotation", "helical"]
+    ),
+    "quaternion": (lambda path: vicon(path, "quaternion", "", (X, Y, Z, W)), ["Tool:Tool"]),
+    "dtrack": (dtrack, ["3"]),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("write", [motive_turned, vicon_euler, vicon_helical, vicon_quaternion, dtrack])
-def test_a_known_rotation_reaches_the_file(write: Callable[[Path], list[str]], tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", TURNED)
+def test_a_known_rotation_reaches_the_file(kind: str, tmp_path: Path) -> None:
+    write, tool = TURNED[kind]
     recording, written = tmp_path / "take.csv", tmp_path / "data.csv"
-    options = [*write(recording), "--arm", "lrm-rover", "--orientation", "-o", str(written)]
-    run_command("import", str(recording), str(poses(tmp_path)), *options)
+    write(recording)
+    words = ["--arm", "lrm-rover", "--orientation", "-o", written, "--tool", *tool]
+    run_command("import", recording, poses(tmp_path), *words)
     table = read_csv(written, ["qw", "qx", "qy", "qz"])
     for column, expected in zip(("qw", "qx", "qy", "qz"), (W, X, Y, Z), strict=True):
         assert numbers_of(table, column) == pytest.approx(np.full(4, expected), abs=1e-6)
-
-
-HEADER_LINES = 8
-BODIES = ("--arm", "lrm-lab", "--tool", "Tool", "--base", "Base")
-
-
-def hidden(path: Path, begin: int, end: int) -> Path:
-    """The export with the tool unseen in these frames."""
-    lines = path.read_text().splitlines()
-    for k in range(begin, end):
-        cells = lines[k + HEADER_LINES].split(",")
-        lines[k + HEADER_LINES] = ",".join([*cells[:10], *[""] * 8, *cells[18:]])
-    path.write_text("\n".join(lines) + "\n")
-    return path
 
 
 def numbers(data: Path) -> list[float]:
@@ -494,7 +465,6 @@ def test_rests_shorter_than_twice_the_dwell_name_the_dwell_that_finds_them(tmp_p
     said = stderr_of(*words, "--dwell", "1.7")
     assert "a rest lasts 3.4 s (twice --dwell) or more" in said
     named = re.search(r"(--dwell) ([\d.]+) finds as many", said)
-    assert named is not None
     stdout_of(*words, *named.groups())
     assert numbers(data) == [1, 2, 3, 4]
 

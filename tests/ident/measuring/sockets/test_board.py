@@ -85,8 +85,6 @@ def test_board_is_written_with_where_its_sockets_are(tmp_path: Path) -> None:
         code, out, _ = run_command("sockets", "board", "-o", tmp_path / name)
         assert code == 0
         metadata = metadata_of(tmp_path / "board.toml")
-        assert metadata is not None
-        assert metadata.points is not None
         assert metadata.points["C"] == [160.0, 130.0, 0.0]
         assert ("E" in metadata.points) == name.endswith("stl")
         assert "A-C 206.16" in out
