@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrm_math.toml_file import schema_of
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
+from lrmd.client import RequestRefused
 from lrmd.client.model_text import text_to_deploy
 from lrmd.messages.control import Event
 
@@ -63,7 +66,7 @@ def deploy(o: argparse.Namespace) -> int:
     if o.undo == "motion" or (o.model is not None and (schema_of(o.model) or "").startswith(MOTION_SCHEMA)):
         return _deploy_motion(o)
     text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _checked(o.model, o.accept))
-    with open_rover(o) as rover:
+    with _naming(o.model), open_rover(o) as rover:
         before = rover.info().model_sha256
         reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file, o.accept)
         print(text.model_text(reply.model, reply.model_sha256))
@@ -83,7 +86,7 @@ def deploy(o: argparse.Namespace) -> int:
 def _deploy_motion(o: argparse.Namespace) -> int:
     """Of a model of motion: nothing moves by it, and it counts from the next motion on."""
     text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _motion_lines(o.model))
-    with open_rover(o) as rover:
+    with _naming(o.model), open_rover(o) as rover:
         before = rover.info().motion_sha256
         reply = rover.undeploy("motion") if text_of_file is None else rover.deploy(text_of_file, kind="motion")
         info = rover.info()
@@ -92,6 +95,17 @@ def _deploy_motion(o: argparse.Namespace) -> int:
     for line in (*said, text.shaping_text(info)):
         print(line)
     return 0
+
+
+@contextmanager
+def _naming(model: Path | None) -> Iterator[None]:
+    """Names the file before the daemon's words on its text."""
+    try:
+        yield
+    except RequestRefused as error:
+        if model is None or error.code != "model":
+            raise
+        raise LrmError(f"{model}: {error}") from None
 
 
 def _motion_lines(model: Path) -> list[str]:

@@ -454,7 +454,7 @@ def test_a_record_that_cannot_say_that_it_runs_leaves_no_file(
     ("words", "match"),
     [
         ([], "COMMAND"),
-        (["fly"], "invalid choice: 'fly'"),
+        (["fly"], "unknown 'fly'"),
         (["move", "--joint", "2"], "--joint"),
         (["move", "--speed", "fast", "--joint", "1", "2"], "invalid float value: 'fast'"),
         (["arm", "--q", ZERO, "--stored"], "not allowed with"),
@@ -638,9 +638,7 @@ def test_help_fits_eighty_columns(program: str) -> None:
 
 
 def test_a_word_that_a_command_does_not_know_leads_to_its_own_help(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        app.main(["ik", "200", "0", "100", "--colour", "red"])
-    assert ended.value.code == 2
+    assert app.main(["ik", "200", "0", "100", "--colour", "red"]) == 2
     assert capsys.readouterr().err == "lrm: unrecognized arguments: --colour red; see lrm ik --help\n"
 
 
