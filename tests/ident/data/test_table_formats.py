@@ -78,6 +78,10 @@ SAME: dict[str, bytes] = {
     ).encode(),
     "another stem": text(["Nr", *(f"Achse {i}" for i in range(6)), "X", "Y", "Z"]).encode(),
     "a title above": ("Messung vom 3. Mai, erster Arm\n\n" + text(NAMES)).encode(),
+    "a title with many commas": ("Messung, 3. Mai, erster Arm, mit Last, im Labor, Tag 2\n" + text(NAMES)).encode(),
+    "a date with a point and a comma": joined(
+        ",", [*NAMES, "Date"], *([*row, '"01.02,2024"'] for row in ROWS)
+    ),
     "a title above, decimal commas": ("Messung; 3. Mai\n" + text(NAMES, ";", comma=True)).encode(),
     "a title above, empty rows below": ("Messung;;;;;;;;;\n" + text(NAMES, ";") + ";;;;;;;;;\n").encode(),
     "files put together": joined(",", SHORT, UNITS, ROWS[0][1:], SHORT, UNITS, ROWS[1][1:]),
@@ -139,6 +143,10 @@ AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
     "two blocks of other columns": (
         text(NAMES) + text([*NAMES, *(f"note {k}" for k in range(12))], rows=[(*row, *range(12)) for row in ROWS]),
         ("header has 10",),
+    ),
+    "another table above, with words": (
+        "servo,gain,offset\njoint1,1.0,0.5\njoint2,1.1,0.2\n\n" + text(NAMES),
+        ("line 5", "10 cells, the header has 3; does another table begin here?"),
     ),
     "rows of two arms": (
         joined(",", ["Robot", *NAMES[1:]], ["left", *ROWS[0][1:]], ["right", *ROWS[1][1:]]).decode(),
