@@ -81,7 +81,7 @@ def _require(table: CsvTable, required: Sequence[str]) -> CsvTable:
     times_there = Counter(column.name for column in columns)
     missing = [name for name in required if name not in times_there]
     if missing:
-        there = enumerate_words([column.name for column in columns], COLUMNS_LISTED)
+        there = enumerate_words([column.name for column in columns if column.name], COLUMNS_LISTED)
         right = f"required: {', '.join(required)}; there are: {there}"
         raise FileError(table.path, "header", f"missing column {missing[0]}", right)
     twice = [name for name, count in times_there.items() if count > 1 and name]
@@ -125,7 +125,9 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
     values = np.array([float(word) if is_number(word) else math.nan for word in words], dtype=np.float64)
     faults = {}
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
-        if words[row].strip():
+        if words[row].startswith("="):
+            faults[row] = f"'{words[row]}' is a formula without its value: save it in a spreadsheet program"
+        elif words[row].strip():
             faults[row] = f"'{words[row]}' is not a {'finite ' if is_number(words[row]) else ''}number"
         elif not may_be_empty:
             faults[row] = EMPTY

@@ -1,7 +1,8 @@
 """Tables with a header, as spreadsheets and trackers write them: encoding, delimiter, decimal comma, comment lines.
 
 An Excel export may begin with a byte order mark or a line `sep=;`, is UTF-16 if saved as Unicode text, and has decimal
-commas and semicolons on computers whose language writes numbers so. Of a workbook the first sheet is read.
+commas and semicolons on computers whose language writes numbers so. Of a workbook the first sheet with
+numbers is read.
 """
 
 from __future__ import annotations
@@ -107,7 +108,8 @@ def read_text(path: Path) -> FileText:
     check_is_table(path, content)
     sha256 = hashlib.sha256(content).hexdigest()
     if content.startswith(PACKED):
-        return FileText(sheet_text(path, content), sha256, ("read from the first sheet of the workbook",))
+        text, said = sheet_text(path, content)
+        return FileText(text, sha256, said)
     if content.startswith(OLD_EXCEL):
         raise FileError(path, "", "an Excel file of before 2007", "save it as .xlsx or as CSV")
     notices = []
@@ -236,7 +238,7 @@ def _by_spaces(kept: Sequence[str]) -> bool:
 
 
 def _tells(line: str) -> bool:
-    bare = line.strip().strip('"')
+    bare = line.strip().strip('"').strip(",;\t ")
     return bool(bare) and not bare.startswith(COMMENT) and not bare.lower().startswith("sep=")
 
 
