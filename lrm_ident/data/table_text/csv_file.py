@@ -25,8 +25,9 @@ PACKED = b"PK\x03\x04"
 OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
-DELIMITERS = (";", "\t", ",")
+DELIMITERS = (";", "\t", ",", "|")
 COMMENT = ("#", "%", "//")
+MOST_LINES_OF_A_ROW = 40
 LISTED = 8
 """Lines that are named of those that are left out."""
 TYPOGRAPHIC_MINUS = re.compile(r"(?<![^\s,;\"'])[\u2212\u2013](?=[.,]?\d)")
@@ -139,7 +140,7 @@ def read_table(path: Path) -> CsvTable:
     if begin := RECORDING.match(file.text):
         what = f"begins with '{begin[1]}': a tracker's recording"
         raise FileError(path, "", what, "lrm-ident import RECORDING POSES -o DATA makes measurements of it")
-    lines = file.text.splitlines()
+    lines = _with_whole_cells(file.text.splitlines())
     kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]
     if _by_spaces([line for _, line in kept]):
         lines = ["\t".join(line.split()) for line in lines]
@@ -156,6 +157,30 @@ def read_table(path: Path) -> CsvTable:
     columns = tuple(Column(name, name) for name in header)
     table = CsvTable(path, columns, tuple(rows), tuple(lines_of), first, file.sha256, (*titles, *file.notices))
     return _with_points(_without_repeated_header(table))
+
+
+def _with_whole_cells(lines: Sequence[str]) -> list[str]:
+    """The lines, each that ends within a quoted cell joined with the next ones, in whose places are empty lines."""
+    whole = [*lines]
+    for start in range(len(whole)):
+        for end in range(start + 2, min(start + MOST_LINES_OF_A_ROW, len(whole)) + 1):
+            if not _open(whole[start]):
+                break
+            if not _open(joined := " ".join(lines[start:end])):
+                whole[start:end] = [joined, *[""] * (end - start - 1)]
+    return whole
+
+
+def _open(line: str) -> bool:
+    """Whether a line ends within a quoted cell."""
+    if line.count('"') % 2 == 0:
+        return False
+    for delimiter in DELIMITERS:
+        try:
+            next(csv.reader([line], delimiter=delimiter, strict=True))
+        except csv.Error:
+            return True
+    return False
 
 
 def _without_repeated_header(table: CsvTable) -> CsvTable:
@@ -292,9 +317,9 @@ def _with_points(table: CsvTable) -> CsvTable:
 
 
 def is_number(cell: str) -> bool:
-    """Whether Python reads a cell as a number, infinite or NaN ones too."""
+    """Whether Python reads a cell as a number, infinite or NaN ones too; not 1_000, which no table means."""
     try:
         float(cell)
     except ValueError:
         return False
-    return True
+    return "_" not in cell

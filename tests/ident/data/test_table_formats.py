@@ -92,6 +92,11 @@ SAME: dict[str, bytes] = {
         ";", [*NAMES, "Note"], *([*(str(v).replace(".", ",") for v in row), "ok, 2. try"] for row in ROWS)
     ),
     "decimal commas in quotes": joined(",", NAMES, *([f'"{v}"'.replace(".", ",") for v in row] for row in ROWS)),
+    "bars": text(NAMES, "|").encode(),
+    "a name in two lines": text(["pose", '"q1\n[deg]"', *NAMES[2:]]).encode(),
+    "two columns of notes": joined(",", [*NAMES, "note", "note"], *([*row, "a", "b"] for row in ROWS)),
+    "inch marks in notes": joined(",", [*NAMES, "note"], *([*row, '3" tool'] for row in ROWS)),
+    "a note in two lines": joined(",", [*NAMES, "note"], *([*row, '"again,\nslower"'] for row in ROWS)),
     "no pose numbers": text(NAMES[1:], rows=[row[1:] for row in ROWS]).encode(),
 }  # fmt: skip
 
@@ -148,6 +153,7 @@ AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
         "servo,gain,offset\njoint1,1.0,0.5\njoint2,1.1,0.2\n\n" + text(NAMES),
         ("line 5", "10 cells, the header has 3; does another table begin here?"),
     ),
+    "digits in groups": (text(NAMES).replace("300.25", "3_00.25"), ("line 2", "'3_00.25' is not a number")),
     "rows of two arms": (
         joined(",", ["Robot", *NAMES[1:]], ["left", *ROWS[0][1:]], ["right", *ROWS[1][1:]]).decode(),
         ("column Robot", "2 arms: left, right", "file of its own"),
