@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import SupportsFloat
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from lrm_ident.data.table_text.csv_file import CsvTable, is_number
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arrays import Array
 
-STATISTICS: dict[str, Callable[[Array], float]] = {
+STATISTICS: dict[str, Callable[[Array], SupportsFloat]] = {
     "mean": np.mean,
     "standard deviation": lambda column: np.std(column, ddof=1),
     "standard deviation (n)": np.std,
@@ -70,7 +71,7 @@ def _matches(name: str, there: Sequence[tuple[str, Array]]) -> Iterator[bool]:
     """Whether each number of a row is the statistic of its column, and whether enough of them are sharp."""
     sharp = 0
     for cell, column in there:
-        value, close = STATISTICS[name](column), 1.1 * _last_digit(cell)
+        value, close = float(STATISTICS[name](column)), 1.1 * _last_digit(cell)
         sharp += close <= SHARP * float(np.ptp(column))
         yield abs(float(cell) - value) <= close + 1e-9 * abs(value)
     yield sharp >= SHARP_COLUMNS
