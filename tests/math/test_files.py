@@ -80,6 +80,23 @@ def test_what_cannot_be_read_is_named_with_its_file(tmp_path: Path, content: byt
         read_json(path)
 
 
+def test_the_byte_order_mark_of_an_editor_is_no_content(tmp_path: Path) -> None:
+    """Before: not valid TOML, Invalid statement at line 1, column 1; and JSON likewise."""
+    path = tmp_path / "arm.toml"
+    path.write_bytes(b'\xef\xbb\xbfschema = "lrm/arm/1"\n')
+    assert parse_toml(path) == {"schema": "lrm/arm/1"}
+    assert schema_of(path) == "lrm/arm/1"
+    path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
+    assert read_json(path) == {"a": 1}
+
+
+def test_another_encoding_is_named_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_bytes('name = "a"\nsource = "Prüfstand"\n'.encode("latin-1"))
+    with pytest.raises(FileError, match="line 2: is no text in UTF-8; save it in that encoding"):
+        parse_toml(path)
+
+
 def test_a_folder_is_no_text(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be read"):
         read_utf8(tmp_path)
