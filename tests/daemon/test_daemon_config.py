@@ -231,7 +231,7 @@ def test_a_model_that_the_start_would_refuse_is_refused_by_the_check(
             "/nowhere/model.toml: model: No such file",
         ),
         ('# config = "/etc/lrm/zenoh.json5"', 'config = "/nowhere/z.json5"', "/nowhere/z.json5: zenoh config: no such"),
-        ('"tcp/127.0.0.1:7447"', '"nonsense"', "zenoh: Endpoints must be of the form <protocol>/<address>"),
+        ('"tcp/127.0.0.1:7447"', '"nonsense"', "zenoh: listen 1 = 'nonsense'; should be PROTOCOL/ADDRESS"),
     ],
 )
 def test_a_file_that_the_start_would_miss_is_missed_by_the_check(

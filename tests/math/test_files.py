@@ -20,7 +20,7 @@ from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
 from lrm_math.number_list import parse_numbers
 from lrm_math.text_file import read_json, read_utf8
-from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml
+from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml, schema_of
 
 
 def test_write_keeps_the_mode_of_a_file_that_was_there(tmp_path: Path) -> None:
