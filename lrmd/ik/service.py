@@ -370,6 +370,12 @@ class IkService:
         return replace(self, feasibility=replace(self.feasibility, model=self._bending, contacts=contacts))
 
     @property
+    def _length(self) -> float:
+        """How far from the origin the arm may reach (m)."""
+        base = self.config.arm.base
+        return reach(self.config.arm) + math.hypot(base.x, base.y, base.z)
+
+    @property
     def _bending(self) -> Model | None:
         """The model by which the arm sags; None for the nominal arm."""
         return self.model if self.deployed.sha256 else None
@@ -390,7 +396,7 @@ class IkService:
         except LrmError as error:
             content = {"verdict": "not_converged", "text": str(error)}
         if content["verdict"] != "solved":
-            content["text"] += unit_doubt(goal.position, reach(self.config.arm))
+            content["text"] += unit_doubt(goal.position, self._length)
         command = content.get("q_rad") or content.get("nearest_rad")
         if command is not None:
             content["outside_range"] = self._outside(command)
@@ -496,7 +502,7 @@ class IkService:
             begin, payload, goal, check_cancelled, lambda before, after: self._moved(before.known, after, payload)
         )
         if isinstance(found, LineEnd):
-            return replace(found, text=found.text + unit_doubt(goal.position, reach(self.config.arm)))
+            return replace(found, text=found.text + unit_doubt(goal.position, self._length))
         path = with_corners(self.config, np.array(found))
         move, number = self._guard(request, np.array(path)).check(np.array(path), payload)
         if not move.free:
