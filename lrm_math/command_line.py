@@ -7,6 +7,9 @@ from typing import Any, NoReturn
 
 from lrm_math.errors import LrmError, name_suggestion
 
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C ended: 128, and the number of SIGINT."""
+
 
 class OneLineParser(argparse.ArgumentParser):
     """Reports a wrong command line like every other `LrmError`; the beginning of an option's name is no option."""

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 
-from lrm_math.command_line import OneLineParser
+from lrm_math.command_line import INTERRUPTED, OneLineParser
 from lrm_math.errors import LrmError
 from lrmd import log
 from lrmd.client import NoReply, Rover
@@ -152,6 +152,9 @@ def main(argv: list[str] | None = None) -> int:
     except LrmError as error:
         print(f"lrmd.demo: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:  # all that runs ends with its context
+        print("lrmd.demo: interrupted", file=sys.stderr)
+        return INTERRUPTED
     print(f"all stopped, after {time.monotonic() - started:.1f} s")
     return 0
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lrm_math.command_line import OneLineParser
+from lrm_math.command_line import INTERRUPTED, OneLineParser
 from lrm_math.errors import LrmError
 from lrm_math.stdout import os_error_words
 
@@ -99,3 +99,6 @@ def main(argv: list[str] | None = None) -> int:
     except LrmError as error:
         print(f"lrmd: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:  # while it starts: afterwards it is as SIGTERM
+        print("lrmd: interrupted", file=sys.stderr)
+        return INTERRUPTED

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias, get_args
 
-from lrm_math.command_line import OneLineParser
+from lrm_math.command_line import INTERRUPTED, OneLineParser
 from lrm_math.errors import LrmError
 from lrm_math.stdout import flush_or_discard, os_error_words
 from lrmd.cli import motion, skill, status
@@ -41,7 +41,8 @@ Write angles as 30, 30deg or 0.5rad.
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs one command. Exit code 0; 1 if a motion did not reach its goal or nobody reads on; 2 on any other error."""
+    """Runs one command. Exit code 0; 1 if a motion did not reach its goal or nobody reads on; 130 after Ctrl-C
+    that ends no motion; 2 on any other error."""
     try:
         options = parser().options_of(argv)
         with field_named():
@@ -58,7 +59,8 @@ def main(argv: list[str] | None = None) -> int:
         print(f"lrm: {error}", file=sys.stderr)
         return 1 if isinstance(error, MotionInterrupted) else 2
     except KeyboardInterrupt:
-        return 1
+        print("lrm: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
 class LrmArgumentParser(OneLineParser):

@@ -6,7 +6,7 @@ import argparse
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lrm_math.errors import LrmError
@@ -38,7 +38,10 @@ def state(o: argparse.Namespace) -> int:
             print(clear + "\n".join(parts), flush=True)
             if not o.watch:
                 return 0
-            pause.wait(0.2)
+            try:
+                pause.wait(0.2)
+            except KeyboardInterrupt:
+                return 0
 
 
 def info(o: argparse.Namespace) -> int:
@@ -55,7 +58,8 @@ def logs(o: argparse.Namespace) -> int:
             print(text.event_line(event))
         if o.follow:
             rover.watch(Event, "event/**", lambda event: print(text.event_line(event), flush=True))
-            threading.Event().wait()
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
     return 0
 
 

@@ -31,3 +31,26 @@ def test_a_wrong_call_is_one_line(name: str) -> None:
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert expected in done.stderr
     assert done.stderr.startswith((f"{name.partition(',')[0]}: ", "error: "))
+
+
+@pytest.mark.parametrize(
+    ("place", "called"),
+    [
+        ("lrmd.cli.status.state", "from lrmd.cli.app import main; sys.exit(main(['state']))"),
+        ("lrmd.config.load_config", "from lrmd.main import main; sys.exit(main(['--simulated']))"),
+        ("lrmd.demo.run", "from lrmd.demo import main; sys.exit(main([]))"),
+        (
+            "lrm_ident.report.glossary.term_named",
+            "sys.argv = ['lrm-ident', 'explain', 'RMS']; from lrm_ident.__main__ import main; main()",
+        ),
+    ],
+)
+def test_ctrl_c_is_one_line_and_exit_code_130(place: str, called: str) -> None:
+    """Before: a traceback, or nothing; and `lrm` ended with 1, as a motion that did not reach its goal."""
+    module = place.rpartition(".")[0]
+    patch = f"mock.patch('{place}', side_effect=KeyboardInterrupt).start()"
+    stop = f"import sys, {module}; from unittest import mock; {patch}"
+    done = subprocess.run([sys.executable, "-c", f"{stop}; {called}"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr.strip().endswith(": interrupted"), done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
