@@ -13,8 +13,8 @@ from typing import Any
 from lrm_ident.cli.app import app
 from lrm_ident.cli.common import show
 from lrm_ident.report.document import heading
-from lrm_math.effects import EffectRef
 from lrm_math.command_line import INTERRUPTED
+from lrm_math.effects import EffectRef
 from lrm_math.errors import LrmError
 from lrmd.cli import app as lrm
 from lrmd.client.deployment import Deployment

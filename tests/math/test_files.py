@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 import lrm_math
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
+from lrm_math.model.model_file import ModelFile
 from lrm_math.number_list import parse_numbers
 from lrm_math.text_file import read_json, read_utf8
-from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml, schema_of
+from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml, read_toml, schema_of
 
 
 def test_write_keeps_the_mode_of_a_file_that_was_there(tmp_path: Path) -> None:
@@ -88,6 +89,14 @@ def test_the_byte_order_mark_of_an_editor_is_no_content(tmp_path: Path) -> None:
     assert schema_of(path) == "lrm/arm/1"
     path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
     assert read_json(path) == {"a": 1}
+
+
+def test_a_newer_format_is_no_other_kind_of_file(tmp_path: Path) -> None:
+    """Before: do the arguments stand in another order?"""
+    path = tmp_path / "model.toml"
+    path.write_text('schema = "lrm/model/9"\narm = "lrm-lab"\neffects = []\n')
+    with pytest.raises(FileError, match=r"schema = 'lrm/model/9'; should be '.*'; another version of the format"):
+        read_toml(path, ModelFile)
 
 
 def test_another_encoding_is_named_with_its_line(tmp_path: Path) -> None:
