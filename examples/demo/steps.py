@@ -182,7 +182,7 @@ class DemoSteps:
         began = time.monotonic()
         code = lrm.main(list(words)) if program == "lrm" else app(list(words), standalone_mode=False)
         show(f"({time.monotonic() - began:.1f} s)")
-        if code == INTERRUPTED:
+        if code == INTERRUPTED or (code == 1 and program != "lrm"):  # 1: told to end, by older typer
             raise SystemExit(code)
         if code:
             raise LrmError(f"{program} {words[0]} ended with exit code {code}")
