@@ -23,6 +23,9 @@ def main() -> None:
         from lrm_ident.cli.app import main as run
 
         run()
+    except KeyboardInterrupt:  # while it loads: a command reports it itself
+        print("error: interrupted", file=sys.stderr)
+        sys.exit(130)
     except ModuleNotFoundError as error:
         if error.name not in OFFLINE:
             raise

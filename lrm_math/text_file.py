@@ -22,7 +22,7 @@ def read_content(path: Path, hint: str = "") -> bytes:
 def read_utf8(path: Path, hint: str = "") -> str:
     """Text of a file in UTF-8. `hint`: where such a file comes from. Raises `FileError`."""
     try:
-        return read_content(path, hint).decode()
+        return read_content(path, hint).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(path, "", f"cannot be read as text ({error})") from None
 

@@ -49,7 +49,7 @@ def parse_toml(path: Path) -> dict[str, Any]:
         content = bounded_content(path)
         if len(content) > LARGEST:
             raise FileError(path, "", f"more than {LARGEST >> 20} MB", "files of tables are shorter")
-        text = content.decode()
+        text = content.decode("utf-8-sig")
         if deep := DEEP_KEY.search(text):
             row = text.count("\n", 0, deep.start()) + 1
             raise FileError(path, f"line {row}", f"a key of more than {DEPTH} parts", "tables nest a few levels deep")
@@ -59,8 +59,11 @@ def parse_toml(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         if path.suffix.lower() in TABLES:
             raise FileError(path, "", f"a {path.suffix} is a table, no TOML", OTHER_ORDER) from None
-        what = "not valid TOML: " if isinstance(error, tomllib.TOMLDecodeError) else "cannot be read: "
-        raise FileError(path, "", f"{what}{error}") from None
+        if isinstance(error, UnicodeDecodeError):
+            row = 1 + error.object.count(b"\n", 0, error.start)
+            raise FileError(path, f"line {row}", "is no text in UTF-8", "save it in that encoding") from None
+        words = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else f"not valid TOML: {error}"
+        raise FileError(path, "", words) from None
     except RecursionError:
         raise FileError(path, "", "arrays or tables nest too deeply", "a few levels are meant") from None
 
@@ -72,7 +75,7 @@ def schema_of(path: Path) -> str | None:
     line that looks like one.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         try:
             stated = tomllib.loads(text.partition("\n[")[0])
         except tomllib.TOMLDecodeError:
@@ -111,6 +114,8 @@ def _other_kind(path: Path, tables: dict[str, Any], schema: type[BaseModel]) -> 
         return None
     model_of = tables.get("arm") if stated.startswith("lrm/model/") and expected[0].startswith("lrm/arm/") else None
     hint = f"it is a model of {model_of}: name that arm" if model_of else OTHER_ORDER
+    if stated.rpartition("/")[0] in {one.rpartition("/")[0] for one in expected}:
+        hint = "another version of the format: update the older of the two programs"
     return FileError(path, "", f"schema = '{stated}'", f"should be '{expected[0]}'; {hint}")
 
 

@@ -23,7 +23,7 @@ SHIPPED = _BESIDE if _BESIDE.is_file() else _BESIDE.parents[1] / "config" / "lrm
 SECOND, MS, US = 1_000_000_000, 1_000_000, 1_000
 """Nanoseconds in a second, a millisecond and a microsecond."""
 
-SHORTEST_PULSE = 100 * US
+SHORTEST_PULSE, LONGEST_PULSE = 100 * US, 3000 * US
 """ns: no servo takes a shorter one; a table with one is in another unit, or has too wide a range."""
 LONGER_TICK = 0.05
 """Share by which a tick may be longer than `tick_ms` so that a frame of the board is whole ticks long."""
@@ -36,8 +36,10 @@ HOST_AND_PORT = re.compile(r"(?:\[[^\]\[\s]+\]|[^\]\[:/\s]+):([0-9]{1,5})")
 
 def _with_port(endpoint: str) -> str:
     """An endpoint of zenoh; zenoh itself waits for an address without a port until its time is over."""
-    given, _, address = endpoint.partition("/")
+    given, slash, address = endpoint.partition("/")
     protocol = given.lower()
+    if not (given and slash and address):
+        raise ValueError("PROTOCOL/ADDRESS, for instance tcp/127.0.0.1:7447")
     if protocol not in HOST_PROTOCOLS:
         return endpoint
     found = HOST_AND_PORT.fullmatch(re.split("[?#]", address)[0])
@@ -246,7 +248,10 @@ class Config:
 def load_config(path: Path) -> Config:
     """Reads and checks the configuration file and the arm file that it names. Raises `FileError`."""
     tables = read_toml(path, DaemonFile)
-    arm = load_arm(tables.arm)
+    try:
+        arm = load_arm(tables.arm)
+    except FileError as error:
+        raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
     try:
         return _config(tables, arm)
     except LrmError as error:
@@ -324,9 +329,10 @@ def _servo(name: str, entry: ServoEntry, arm: Arm) -> ServoConfig:
     else:
         lower, upper = table.angle[0], table.angle[-1]
     lowest, highest = sorted(round(float(table.pulse_of(angle)) * 1e9) for angle in (lower, upper))
-    if lowest < SHORTEST_PULSE:
-        text = f"pulses begin at {lowest / US:g} us; servos take 500 to 2500 us, never below {SHORTEST_PULSE // US}"
-        raise LrmError(f"servo {name}: its {text}")
+    if lowest < SHORTEST_PULSE or highest > LONGEST_PULSE:
+        bounds = f"never below {SHORTEST_PULSE // US} or above {LONGEST_PULSE // US}"
+        ends = f"are {lowest / US:g} to {highest / US:g} us long"
+        raise LrmError(f"servo {name}: its pulses {ends}; servos take 500 to 2500 us, {bounds}")
     return ServoConfig(name, entry.channel, table, lowest, highest)
 
 

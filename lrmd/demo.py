@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 
+from lrm_math.command_line import INTERRUPTED, OneLineParser
 from lrm_math.errors import LrmError
 from lrmd import log
 from lrmd.client import NoReply, Rover
@@ -139,11 +140,11 @@ def stop(rover: Rover, config: Config) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the demo. Exit code 0, or 2 with one line that says what failed."""
-    p = argparse.ArgumentParser("lrmd.demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = OneLineParser("python -m lrmd.demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--speed", type=float, default=10.0, help="ratio to real time (default: %(default)g)")
-    speed = p.parse_args(argv).speed
     started = time.monotonic()
     try:
+        speed = p.parse_args(argv).speed
         if not 1 <= speed <= MAX_SPEED:
             raise LrmError(f"--speed {speed:g}: should be from 1 to {MAX_SPEED:g}")
         with tempfile.TemporaryDirectory(prefix="lrm-demo-") as folder:
@@ -151,6 +152,9 @@ def main(argv: list[str] | None = None) -> int:
     except LrmError as error:
         print(f"lrmd.demo: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:  # all that runs ends with its context
+        print("lrmd.demo: interrupted", file=sys.stderr)
+        return INTERRUPTED
     print(f"all stopped, after {time.monotonic() - started:.1f} s")
     return 0
 

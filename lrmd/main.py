@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lrm_math.command_line import INTERRUPTED, OneLineParser
 from lrm_math.errors import LrmError
 from lrm_math.stdout import os_error_words
 
@@ -60,22 +61,21 @@ def _check(file: Path, config: Config) -> int:
 def main(argv: list[str] | None = None) -> int:
     """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration
     or a state directory that another daemon uses."""
-    parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = OneLineParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, metavar="FILE", help="lrmd.toml; with --simulated the shipped one")
     parser.add_argument("--check", action="store_true", help="load what the start loads, and stop")
     undo = "take the last deployed model back, without a daemon; with 'motion' that of motion"
     parser.add_argument("--undo", nargs="?", const="model", choices=["model", "motion"], help=undo)
     parser.add_argument("--simulated", action="store_true", help="run on a simulated board instead of the port")
     parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
-    options = parser.parse_args(argv)
-    if options.config is None and not options.simulated:
-        parser.error("state the configuration with --config FILE, or run the shipped one with --simulated")
-
-    from lrmd import log
-    from lrmd.config import SHIPPED, load_config
-    from lrmd.heap import return_freed_memory
-
     try:
+        options = parser.parse_args(argv)
+        if options.config is None and not options.simulated:
+            parser.error("state the configuration with --config FILE, or run the shipped one with --simulated")
+        from lrmd import log
+        from lrmd.config import SHIPPED, load_config
+        from lrmd.heap import return_freed_memory
+
         file = options.config or SHIPPED
         config = load_config(file)
         if options.config is None:  # its state directory is that of a rover, where only root may write
@@ -99,3 +99,6 @@ def main(argv: list[str] | None = None) -> int:
     except LrmError as error:
         print(f"lrmd: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:  # while it starts: afterwards it is as SIGTERM
+        print("lrmd: interrupted", file=sys.stderr)
+        return INTERRUPTED

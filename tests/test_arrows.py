@@ -22,7 +22,7 @@ pytestmark = pytest.mark.long
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
-    "lrm_math": "errors stdout arrays text_file number_list atomic_file plausibility toml_file "
+    "lrm_math": "errors stdout command_line arrays text_file number_list atomic_file plausibility toml_file "
     "arm kinematics collision effects motion model ik",
     "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
     "lrmd": "errors heap background log config persistence link messages ramp safety control sim ik api client cli "

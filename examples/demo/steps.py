@@ -13,6 +13,7 @@ from typing import Any
 from lrm_ident.cli.app import app
 from lrm_ident.cli.common import show
 from lrm_ident.report.document import heading
+from lrm_math.command_line import INTERRUPTED
 from lrm_math.effects import EffectRef
 from lrm_math.errors import LrmError
 from lrmd.cli import app as lrm
@@ -22,7 +23,6 @@ SETTLE_S, DWELL_S = 0.05, 0.2
 """Of the computer's clock; the simulated arm's runs faster."""
 
 
-INTERRUPTED = (1, 130)
 """Exit codes of a command of `lrm-ident` that a signal ended: what follows it is not run either."""
 TIMING = ("--settle", str(SETTLE_S), "--dwell", str(DWELL_S))
 
@@ -182,7 +182,7 @@ class DemoSteps:
         began = time.monotonic()
         code = lrm.main(list(words)) if program == "lrm" else app(list(words), standalone_mode=False)
         show(f"({time.monotonic() - began:.1f} s)")
-        if code in INTERRUPTED and program != "lrm":
+        if code == INTERRUPTED or (code == 1 and program != "lrm"):  # 1: told to end, by older typer
             raise SystemExit(code)
         if code:
             raise LrmError(f"{program} {words[0]} ended with exit code {code}")

@@ -21,6 +21,7 @@ from examples.fetch.picture import draw
 from examples.fetch.places import Stone, stones
 from examples.fetch.skills import GRASP, Fetched, fetch
 from examples.fetch.world import calibration, simulated_rover
+from lrm_math.command_line import OneLineParser
 from lrm_math.errors import LrmError
 
 MODELS = ("as drawn", "calibrated")
@@ -28,12 +29,12 @@ MODELS = ("as drawn", "calibrated")
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the example. Exit code 0, or 2 with one line that says what failed."""
-    p = argparse.ArgumentParser("examples.fetch", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    p = OneLineParser("python -m examples.fetch", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("--stones", type=int, default=20)
     p.add_argument("--seed", type=int, default=1, help="of the hidden errors and the stones")
     p.add_argument("--out", type=Path, default=Path("out"), help="for fetch.json, .png and .mcap (default: out)")
-    options = p.parse_args(argv)
     try:
+        options = p.parse_args(argv)
         found, recording = run(options.stones, options.seed)
         options.out.mkdir(parents=True, exist_ok=True)
         path = options.out / "fetch.json"

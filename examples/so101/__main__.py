@@ -16,10 +16,10 @@ from pathlib import Path
 
 from examples.so101.follower_calibration import write_calibration
 from examples.so101.hidden_arm import ARM_FILE, BUSES, HIDDEN, NAMED, HiddenSo101, hidden_truth
+from lrm_math.command_line import OneLineParser
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.ramp.process import MonotonicClock
 from lrmd.sim.control_socket import ControlServer, QueryReply
-from lrmd.sim.process import OneLineParser
 from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND
 from validation.synthetic import load_arm

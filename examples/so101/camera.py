@@ -22,12 +22,12 @@ from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.arrays import Array
+from lrm_math.command_line import OneLineParser
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrmd.sim.control_socket import ControlError, control_path, query_board
-from lrmd.sim.process import OneLineParser
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view, write_lens_photos
 

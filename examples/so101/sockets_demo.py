@@ -58,7 +58,8 @@ def run_demo(folder: Path, seed: int) -> None:
 def run(*words: object) -> None:
     """Runs a command as a person would type it."""
     show(heading(f"$ lrm-ident {' '.join(map(str, words))}"))
-    app([str(word) for word in words], standalone_mode=False)
+    if app([str(word) for word in words], standalone_mode=False):
+        raise KeyboardInterrupt
 
 
 def main(argv: list[str] | None = None) -> int:

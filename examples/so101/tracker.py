@@ -26,9 +26,9 @@ from examples.demo.simulated_tracker import (
     in_room,
 )
 from lrm_ident.measuring.tracker.frames import TrackerFrame
+from lrm_math.command_line import OneLineParser
 from lrm_math.errors import LrmError
 from lrmd.sim.control_socket import ControlError, query_board
-from lrmd.sim.process import OneLineParser
 
 WAIT_S = 15.0
 """For the arm, which may be started at the same moment."""

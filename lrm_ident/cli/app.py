@@ -18,6 +18,7 @@ from typer.models import CommandInfo
 
 from lrm_ident.cli.encodings import print_plainly
 from lrm_ident.data.last_error import note_error
+from lrm_math.command_line import INTERRUPTED
 from lrm_math.errors import LrmError
 from lrm_math.stdout import os_error_words
 
@@ -183,6 +184,10 @@ def run(application: typer.Typer) -> None:
     """Runs the command; every expected error is one line on stderr and exit code 2."""
     try:
         application()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            _fail("interrupted", INTERRUPTED)
+        raise
     except LrmError as error:
         note_error(error)
         _fail(str(error))
@@ -212,11 +217,11 @@ def _show_usage_error(error: Any) -> None:
 typer.BadParameter.__base__.show = _show_usage_error  # type: ignore[union-attr]  # the class of all usage errors
 
 
-def _fail(words: str) -> NoReturn:
+def _fail(words: str, code: int = 2) -> NoReturn:
     from lrm_ident.cli.consoles import print_error
 
     print_error(words)
-    sys.exit(2)
+    sys.exit(code)
 
 
 def _where(error: Exception) -> str:

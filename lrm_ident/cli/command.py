@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 
 from pydantic import ValidationError
 from typer import Option, Typer
-from typer.models import ArgumentInfo
+from typer.models import ArgumentInfo, OptionInfo
 
 from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import CompanionFiles
@@ -19,12 +19,19 @@ from lrm_ident.cli.examples import examples_of
 from lrm_ident.cli.help_sections import SectionedCommand
 from lrm_ident.data.atomic_write import check_outputs, is_something_else
 from lrm_ident.report.plots.style import check_format
-from lrm_math.errors import LrmError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import Reading
 
 OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure": "--cross-figure"}
 """Parameters of commands that name files to be written; `arguments.CompanionFiles` says what is written beside them."""
 FIGURES = ("figure", "cross_figure")
+TABLE, TOML, PAGE = (".csv", ".tsv", ".txt", ".dat"), (".toml",), (".html", ".htm")
+ENDINGS: Mapping[str, tuple[str, ...]] = {
+    "CSV": TABLE, "DATA": TABLE, "MOVES": TABLE, "MODEL": TOML, "MODEL2": TOML, "ARM": TOML, "LENS": TOML,
+    "REPORT.html": PAGE, "HTML": PAGE, "PDF": (".pdf",), "LAW.py": (".py",), "JSON": (".json",),
+}  # fmt: skip
+"""Endings of the files that an output may name, the usual one first, by the word that stands for it in the help."""
+KNOWN_ENDINGS = {*chain.from_iterable(ENDINGS.values()), ".xlsx", ".ods", ".png", ".svg", ".urdf", ".xml", ".yaml"}
 READING_OPTIONS: Mapping[str, Any] = {
     name: Annotated[str | None, Option(f"--{name.replace('_', '-')}", help=words)]
     for name, words in {
@@ -104,15 +111,34 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
         if isinstance(mark, CompanionFiles)
     }
 
+    kinds = {name: _kind(function, name) for name in ("output", "json")}
+
     @functools.wraps(function)
     def run(**values: Any) -> None:
         appended = {option for name, option in OUTPUTS.items() if name in beside and beside[name].appended}
         check_outputs(_outputs(values, beside), _inputs(values), appended)
+        for name, kind in kinds.items():
+            if values.get(name) is not None:
+                _check_ending(values[name], OUTPUTS[name], kind)
         for figure in (values[name] for name in FIGURES if values.get(name) is not None):
             check_format(figure)
         function(**values)
 
     return run
+
+
+def _kind(function: Callable[..., None], name: str) -> str:
+    """The word of the help that stands for an output; "" without one."""
+    hint = get_type_hints(function, include_extras=True).get(name)
+    words = [mark.metavar for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, OptionInfo)]
+    return "JSON" if name == "json" else (words[0] or "") if words else ""
+
+
+def _check_ending(path: Path, option: str, kind: str) -> None:
+    """Raises `FileError`: the name of an output ends as that of a file of another kind, as which programs read it."""
+    ending, own = path.suffix.lower(), ENDINGS.get(kind)
+    if own is not None and ending in KNOWN_ENDINGS and ending not in own:
+        raise FileError(path, "", f"{option} writes no {ending} file", f"name it {own[0]}")
 
 
 def _outputs(values: dict[str, Any], beside: Mapping[str, CompanionFiles]) -> dict[str, Path]:

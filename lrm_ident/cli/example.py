@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-from typer import Option
+from typer import Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.app import app
@@ -56,7 +56,8 @@ def demo(
     ):
         typed = [str(word) for word in words]
         show(heading(f"\n$ lrm-ident {' '.join(typed)}"))
-        app(typed, standalone_mode=False)
+        if code := app(typed, standalone_mode=False):  # Ctrl-C
+            raise Exit(code)
     show(f"\n{time.monotonic() - begun:.0f} s. Open {folder / 'report.html'} in a browser.")
 
 

@@ -42,7 +42,8 @@ def effects_in(file: Path) -> list[type[Effect]]:
     """The effect classes that a Python file defines. Raises `FileError`."""
     spec = importlib.util.spec_from_file_location(USER_MODULE + file.stem, file)
     if not file.exists() or spec is None or spec.loader is None:
-        raise FileError(file, "", "no such Python file")
+        what = "is no Python file" if file.exists() else "no such file"
+        raise FileError(file, "", what, "a .py file with classes of effects")
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

@@ -7,8 +7,9 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias, get_args
+from typing import Any, TypeAlias, get_args
 
+from lrm_math.command_line import INTERRUPTED, OneLineParser
 from lrm_math.errors import LrmError
 from lrm_math.stdout import flush_or_discard, os_error_words
 from lrmd.cli import motion, skill, status
@@ -40,9 +41,10 @@ Write angles as 30, 30deg or 0.5rad.
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs one command. Exit code 0; 1 if a motion did not reach its goal or nobody reads on; 2 on any other error."""
-    options = parser().options_of(argv)
+    """Runs one command. Exit code 0; 1 if a motion did not reach its goal or nobody reads on; 130 after Ctrl-C
+    that ends no motion; 2 on any other error."""
     try:
+        options = parser().options_of(argv)
         with field_named():
             code = int(options.run(options))
         sys.stdout.flush()
@@ -57,19 +59,16 @@ def main(argv: list[str] | None = None) -> int:
         print(f"lrm: {error}", file=sys.stderr)
         return 1 if isinstance(error, MotionInterrupted) else 2
     except KeyboardInterrupt:
-        return 1
+        print("lrm: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
-class LrmArgumentParser(argparse.ArgumentParser):
-    """Reports errors in one line, and parses `-10deg` and `-10,0,20` as angles, not as options."""
+class LrmArgumentParser(OneLineParser):
+    """Parses `-10deg` and `-10,0,20` as angles, not as options."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d")
-
-    def error(self, message: str) -> NoReturn:
-        """Exits with code 2."""
-        self.exit(2, f"lrm: {message}; see {self.prog} --help\n")
 
     def options_of(self, argv: list[str] | None) -> argparse.Namespace:
         """Options of a command line; words that a command does not know are reported with that command's help."""

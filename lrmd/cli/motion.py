@@ -6,22 +6,27 @@ import argparse
 import getpass
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from lrm_math.errors import LrmError
 from lrm_math.number_list import parse_numbers
 from lrmd.cli import text
-from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angles, payload_kg, servo_angles
+from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angles, payload_kg, place_m, servo_angles
 from lrmd.client import RequestRefused, Rover
+from lrmd.messages.control import JointsState
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanReply, PlanRequest
+
+ELSEWHERE = math.radians(1.0)
 
 
 def arm(o: argparse.Namespace) -> int:
     """`lrm arm`: switches servos on."""
     with open_rover(o) as rover, rover.control(lease_holder(), o.take):
+        before, given = rover.joints(), dict[str, float]()
         try:
             if o.q or o.at:
-                rover.arm("given", joint_angles(rover, o.q) if o.q else servo_angles(rover, o.at), o.servo)
+                given = joint_angles(rover, o.q) if o.q else servo_angles(rover, o.at)
+                rover.arm("given", given, o.servo)
             else:
                 rover.arm("stored" if o.stored else "board", servos=o.servo)
         except RequestRefused as error:
@@ -30,7 +35,16 @@ def arm(o: argparse.Namespace) -> int:
             raise LrmError(f"{error}{_stored_hint(error.detail)}") from None
         on = [n for n, is_on in zip(rover.joints().names, rover.joints().on, strict=True) if is_on]
         print(f"armed: {', '.join(on)}")
+        for line in _not_used(before, given):
+            print(line)
     return 0
+
+
+def _not_used(before: JointsState, given: Mapping[str, float]) -> Iterator[str]:
+    """A line for each angle (rad) that was given of a servo which had pulses already, and stood at another."""
+    for name, was_on, q in zip(before.names, before.on, before.q_rad, strict=True):
+        if was_on and name in given and abs(given[name] - q) > ELSEWHERE:
+            yield f"{name} had pulses already, for {math.degrees(q):.1f} deg: it stays there"
 
 
 def _stored_hint(detail: Mapping[str, object]) -> str:
@@ -46,8 +60,11 @@ def _stored_hint(detail: Mapping[str, object]) -> str:
 def move(o: argparse.Namespace) -> int:
     """`lrm move`: moves servos by name or number."""
     with open_rover(o) as rover:
-        targets = joint_angles(rover, o.q) if o.q else {}
-        targets |= servo_angles(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
+        joints = joint_angles(rover, o.q) if o.q else {}
+        others = servo_angles(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
+        for name in (name for name in others if name in joints):
+            raise LrmError(f"{name} is given twice, in --q too: which angle is meant?")
+        targets = joints | others
         if not targets:
             raise LrmError("move: nothing to move; give --joint N ANGLE, --servo NAME ANGLE or --q")
         return run_motion(o, rover, [targets], payload_kg(o))
@@ -169,7 +186,7 @@ def _solve_goal(o: argparse.Namespace, rover: Rover) -> IkAnswer:
 def _goal(o: argparse.Namespace) -> GoalEntry:
     """The goal in the options."""
     return GoalEntry(
-        position_m=[v / 1000 for v in (o.x, o.y, o.z)],
+        position_m=place_m("X Y Z", (o.x, o.y, o.z)),
         rpy_rad=three_angles(o.rpy) if o.rpy else None,
         approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import queue
 import time
 from pathlib import Path
@@ -27,6 +28,8 @@ def record(o: argparse.Namespace) -> int:
     beside = path.with_suffix(".toml")
     for there in filter(Path.exists, (path, beside)):
         raise LrmError(f"{there} is there already; name another file, or remove it")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise LrmError(f"{path}: cannot be written: {path.parent} is no folder, or you may not write there")
     with open_rover(o) as rover:
         info = rover.info()
         if not all(rover.joints().on[: info.joints]):

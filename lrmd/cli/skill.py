@@ -10,7 +10,7 @@ from typing import Any
 from lrm_math.errors import LrmError
 from lrm_math.number_list import parse_numbers
 from lrmd.cli.motion import three_angles
-from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angle, payload_kg
+from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angle, payload_kg, place_m
 from lrmd.client import Rover
 from lrmd.messages.kinematics import FkRequest, GoalEntry
 from lrmd.messages.surroundings import ContactEntry
@@ -54,7 +54,7 @@ def _fields(o: argparse.Namespace, rover: Rover) -> dict[str, Any]:
 def _goal(o: argparse.Namespace) -> GoalEntry:
     """The goal in the options."""
     return GoalEntry(
-        position_m=[v / 1000 for v in o.goal],
+        position_m=place_m("--goal", o.goal),
         rpy_rad=three_angles(o.rpy) if o.rpy else None,
         approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
     )
@@ -63,7 +63,7 @@ def _goal(o: argparse.Namespace) -> GoalEntry:
 def _middle(o: argparse.Namespace, rover: Rover) -> list[float]:
     """Where bodies may touch (m): at the goal, or else where the tool is."""
     if o.goal is not None:
-        return [v / 1000 for v in o.goal]
+        return place_m("--goal", o.goal)
     return rover.fk(FkRequest(q_rad=[rover.commanded_q()])).places[0].tcp_m
 
 

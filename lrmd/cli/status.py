@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrm_math.toml_file import schema_of
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
+from lrmd.client import RequestRefused
 from lrmd.client.model_text import text_to_deploy
 from lrmd.messages.control import Event
 
@@ -35,7 +38,10 @@ def state(o: argparse.Namespace) -> int:
             print(clear + "\n".join(parts), flush=True)
             if not o.watch:
                 return 0
-            pause.wait(0.2)
+            try:
+                pause.wait(0.2)
+            except KeyboardInterrupt:
+                return 0
 
 
 def info(o: argparse.Namespace) -> int:
@@ -52,7 +58,8 @@ def logs(o: argparse.Namespace) -> int:
             print(text.event_line(event))
         if o.follow:
             rover.watch(Event, "event/**", lambda event: print(text.event_line(event), flush=True))
-            threading.Event().wait()
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
     return 0
 
 
@@ -63,7 +70,7 @@ def deploy(o: argparse.Namespace) -> int:
     if o.undo == "motion" or (o.model is not None and (schema_of(o.model) or "").startswith(MOTION_SCHEMA)):
         return _deploy_motion(o)
     text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _checked(o.model, o.accept))
-    with open_rover(o) as rover:
+    with _naming(o.model), open_rover(o) as rover:
         before = rover.info().model_sha256
         reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file, o.accept)
         print(text.model_text(reply.model, reply.model_sha256))
@@ -83,7 +90,7 @@ def deploy(o: argparse.Namespace) -> int:
 def _deploy_motion(o: argparse.Namespace) -> int:
     """Of a model of motion: nothing moves by it, and it counts from the next motion on."""
     text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _motion_lines(o.model))
-    with open_rover(o) as rover:
+    with _naming(o.model), open_rover(o) as rover:
         before = rover.info().motion_sha256
         reply = rover.undeploy("motion") if text_of_file is None else rover.deploy(text_of_file, kind="motion")
         info = rover.info()
@@ -92,6 +99,17 @@ def _deploy_motion(o: argparse.Namespace) -> int:
     for line in (*said, text.shaping_text(info)):
         print(line)
     return 0
+
+
+@contextmanager
+def _naming(model: Path | None) -> Iterator[None]:
+    """Names the file before the daemon's words on its text."""
+    try:
+        yield
+    except RequestRefused as error:
+        if model is None or error.code != "model":
+            raise
+        raise LrmError(f"{model}: {error}") from None
 
 
 def _motion_lines(model: Path) -> list[str]:

@@ -50,6 +50,7 @@ class InvalidTransition(RequestError):
         self.mode, self.trigger = mode, trigger
         allowed = ", ".join(sorted(m for m, t in TABLE if t is trigger)) or "no mode"
         text = f"{trigger} is not allowed while {mode}{f' ({why})' if why else ''}; it is while {allowed}"
+        text += "; lrm reset (reset_fault) leaves this mode" if mode in (Mode.ESTOP, Mode.FAULT) else ""
         super().__init__("wrong_mode", text, mode=mode.value)
 
 

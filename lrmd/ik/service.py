@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arm.plausible_arm import reach
 from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import ORIGIN, Array, Vector3
 from lrm_math.collision.contact import Contact
@@ -57,6 +58,9 @@ UNIT = 1e-3
 NO_EQUILIBRIUM = "the model has no elastic equilibrium there, or more than one: the load may be too heavy for the arm"
 UNIQUE_TOLERANCE = 1e-6
 """rad, m: slots of one equilibrium differ by less."""
+NEAR, FAR, SMALLEST_SHARE = 0.01, 10.0, 0.05
+"""Shares of an arm's length from its origin: nearer than `NEAR` and farther than `FAR` nobody means a goal; and the
+nearest that a goal of another unit would be."""
 CLOSE = 1e-7
 """m: tolerance of the tip by which an uncertain memory is judged."""
 UNKNOWN = Known()
@@ -366,6 +370,12 @@ class IkService:
         return replace(self, feasibility=replace(self.feasibility, model=self._bending, contacts=contacts))
 
     @property
+    def _length(self) -> float:
+        """How far from the origin the arm may reach (m)."""
+        base = self.config.arm.base
+        return reach(self.config.arm) + math.hypot(base.x, base.y, base.z)
+
+    @property
     def _bending(self) -> Model | None:
         """The model by which the arm sags; None for the nominal arm."""
         return self.model if self.deployed.sha256 else None
@@ -385,6 +395,8 @@ class IkService:
             raise
         except LrmError as error:
             content = {"verdict": "not_converged", "text": str(error)}
+        if content["verdict"] != "solved":
+            content["text"] += unit_doubt(goal.position, self._length)
         command = content.get("q_rad") or content.get("nearest_rad")
         if command is not None:
             content["outside_range"] = self._outside(command)
@@ -490,7 +502,7 @@ class IkService:
             begin, payload, goal, check_cancelled, lambda before, after: self._moved(before.known, after, payload)
         )
         if isinstance(found, LineEnd):
-            return found
+            return replace(found, text=found.text + unit_doubt(goal.position, self._length))
         path = with_corners(self.config, np.array(found))
         move, number = self._guard(request, np.array(path)).check(np.array(path), payload)
         if not move.free:
@@ -536,6 +548,15 @@ class IkService:
                     "nearest_rad": list(reply.nearest.q), "nearest_distance_m": reply.nearest.distance,
                 }  # fmt: skip
         return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
+
+
+def unit_doubt(position: Sequence[float], length: float) -> str:
+    """What to add where a goal (m) cannot be reached by an arm of a length (m), but could be in another unit; or ""."""
+    size = math.dist(position, ORIGIN)
+    for factor, words in ((1e3, "too small, m where mm are meant"), (1e-3, "too large, mm where m are meant")):
+        if SMALLEST_SHARE * length <= size * factor <= length and not NEAR <= size / length <= FAR:
+            return f"; the goal is {1e3 * size:.4g} mm from the origin: are its numbers 1000 times {words}?"
+    return ""
 
 
 def _remembering(model: Model) -> Model | None:

@@ -101,14 +101,16 @@ class DeployedVersions:
     def new(self, text: str) -> Iterator[Path]:
         """A model's text as a new version, in use once the block ends; whatever ends it early, its file is gone.
 
-        Raises `FileError`.
+        Raises `LrmError`, without that file's name: who sent the text knows it by another.
         """
         stack, path = self.stack, self.write(text)
         try:
             yield path
             self.save(stack.with_version(path.name))
-        except BaseException:
+        except BaseException as error:
             path.unlink(missing_ok=True)
+            if str(error).startswith(own := f"{path}: "):
+                raise LrmError(str(error).removeprefix(own)) from None
             raise
         self.prune()
 

@@ -42,7 +42,8 @@ def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterat
             *_springs(config),
             *options,
         ]
-        board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=ENDS_WITH_US)
+        # in a group of its own: Ctrl-C ends the daemon first, which then ends the board
+        board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=ENDS_WITH_US, process_group=0)
         try:
             if board.stdout is None or not board.stdout.readline():
                 raise LrmError(f"the simulated board ended with exit code {board.wait()}")

@@ -16,9 +16,9 @@ from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from random import Random
-from typing import NoReturn
 
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.command_line import OneLineParser
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -163,14 +163,6 @@ def truth_of(arm: str, truth: Path | None) -> Model:
     if model.arm.dof != nominal.dof:
         raise LrmError(f"{truth}: an arm of {model.arm.dof} joints; {arm} has {nominal.dof}")
     return model
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """Reports a wrong command line like every other `LrmError`."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raises `LrmError` instead of printing the usage."""
-        raise LrmError(f"{message}; see {self.prog} --help")
 
 
 def parser() -> argparse.ArgumentParser:

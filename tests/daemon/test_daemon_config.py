@@ -47,8 +47,7 @@ def test_simulated_needs_no_file(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert main(["--simulated", "--check"]) == 0
     assert "lrmd.toml: in order" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main(["--check"])
+    assert main(["--check"]) == 2
     assert "--config FILE" in capsys.readouterr().err
 
 
@@ -123,8 +122,14 @@ WRONG: list[tuple[str, str, str, list[str]]] = [
     ("kelvin for degC", "off_c = 95.0", "off_c = 368.0", ["thermal", "off_c = 368.0", "less than or equal to 150"]),
     (
         "ms for us", "[1100.0, 1500.0, 1900.0]\n[servo", "[1.1, 1.5, 1.9]\n[servo",
-        ["servo pan", "begin at 1.1 us", "500 to 2500 us"],
+        ["servo pan", "are 1.1 to 1.9 us long", "500 to 2500 us"],
     ),
+    (
+        "a digit too many", "1500.0, 1900.0]\n[servo", "1500.0, 19000.0]\n[servo",
+        ["servo pan", "are 1100 to 19000 us long", "or above 3000"],
+    ),
+    ("an arm that is none", '"lrm-rover"  ', '"lrm-rovr"  ', ["arm: lrm-rovr: no such arm", "lrm-rover"]),
+    ("listening without a protocol", "tcp/127", "127", ["zenoh: listen 1 = '127.0.0.1:7447'", "PROTOCOL/ADDRESS"]),
     ("a rate no chip has", "pwm_hz = 50.0", "pwm_hz = 5000.0", ["5000.0 Hz", "this board reaches"]),
     ("a rate too fast", "pwm_hz = 50.0", "pwm_hz = 500.0", ["servo joint1", "2460 us", "lower pwm_hz"]),
     ("not TOML", "[link]", "[link", ["not valid TOML", "line"]),
@@ -224,7 +229,7 @@ def test_what_the_start_refuses_the_check_does(tmp_path: Path, capsys: pytest.Ca
             "/nowhere/model.toml: model: No such file",
         ),
         ('# config = "/etc/lrm/zenoh.json5"', 'config = "/nowhere/z.json5"', "/nowhere/z.json5: zenoh config: no such"),
-        ('"tcp/127.0.0.1:7447"', '"nonsense"', "zenoh: Endpoints must be of the form <protocol>/<address>"),
+        ('"tcp/127.0.0.1:7447"', '"nonsense"', "zenoh: listen 1 = 'nonsense'; should be PROTOCOL/ADDRESS"),
     ],
 )
 def test_a_file_that_the_start_would_miss_is_missed_by_the_check(

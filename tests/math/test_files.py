@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 import lrm_math
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
+from lrm_math.model.model_file import ModelFile
 from lrm_math.number_list import parse_numbers
 from lrm_math.text_file import read_json, read_utf8
-from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml
+from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml, read_toml, schema_of
 
 
 def test_write_keeps_the_mode_of_a_file_that_was_there(tmp_path: Path) -> None:
@@ -78,6 +79,31 @@ def test_what_cannot_be_read_is_named_with_its_file(tmp_path: Path, content: byt
         path.write_bytes(content)
     with pytest.raises(FileError, match=r"robot\.json: .*(no such file|cannot be read)"):
         read_json(path)
+
+
+def test_the_byte_order_mark_of_an_editor_is_no_content(tmp_path: Path) -> None:
+    """Before: not valid TOML, Invalid statement at line 1, column 1; and JSON likewise."""
+    path = tmp_path / "arm.toml"
+    path.write_bytes(b'\xef\xbb\xbfschema = "lrm/arm/1"\n')
+    assert parse_toml(path) == {"schema": "lrm/arm/1"}
+    assert schema_of(path) == "lrm/arm/1"
+    path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
+    assert read_json(path) == {"a": 1}
+
+
+def test_a_newer_format_is_no_other_kind_of_file(tmp_path: Path) -> None:
+    """Before: do the arguments stand in another order?"""
+    path = tmp_path / "model.toml"
+    path.write_text('schema = "lrm/model/9"\narm = "lrm-lab"\neffects = []\n')
+    with pytest.raises(FileError, match=r"schema = 'lrm/model/9'; should be '.*'; another version of the format"):
+        read_toml(path, ModelFile)
+
+
+def test_another_encoding_is_named_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_bytes('name = "a"\nsource = "Prüfstand"\n'.encode("latin-1"))
+    with pytest.raises(FileError, match="line 2: is no text in UTF-8; save it in that encoding"):
+        parse_toml(path)
 
 
 def test_a_folder_is_no_text(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from lrm_ident.cli.command import command
 from lrm_ident.cli.common import show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.report.bug_report import bug_report
+from lrm_math.errors import FileError
 
 
 @command
@@ -29,5 +30,7 @@ def report_bug(
       lrm-ident report-bug model.toml DATA.csv
       lrm-ident report-bug robot.urdf -o bug.txt
     """
+    for missing in (file for file in files or () if not file.exists()):
+        raise FileError(missing, "", "no such file", "the files of the command that went wrong, where they are")
     write_text(output, bug_report(files or []))
     show(f"Written to {output}. Read it, then attach it to your report: it holds no measurement.")

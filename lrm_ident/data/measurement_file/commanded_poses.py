@@ -24,6 +24,8 @@ from lrm_math.model.reading import Reading
 
 LISTED = 8
 SAME_POSE = float(np.radians(1.0))
+MANY = 20
+"""Rows that are not sorted by a position by chance."""
 SLOW_PACE_H = 1.0
 """Time between two poses beyond which their times are rather milliseconds."""
 
@@ -132,12 +134,32 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
             )
         if (np.diff(number) < 0).any():
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
+    if axis := _sorted_by(table):
+        yield (
+            f"the rows are sorted by {axis}, so their order is not that of the measurement: directions of approach and "
+            "drifts come out wrong. Sort the rows by time"
+        )
     yield from time_notices(table)
     first = {pose: row for row, pose in enumerate(number.tolist())}
     q, of = table["angles"], [first[pose] for pose in table.integers("repeat_of").tolist()]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
     if away.any():
         yield f"repeat_of: {pose_words(number[away])} is not commanded where the pose is that it repeats"
+
+
+def _sorted_by(table: NumberTable) -> str:
+    """The axis by whose positions many rows are sorted although no joint moves one way; "" if there is none."""
+    if "position" not in table or len(table) < MANY:
+        return ""
+    axes, joints = (_one_way(table[name]) for name in ("position", "angles"))
+    return "xyz"[int(np.argmax(axes))] if axes.any() and not joints.any() else ""
+
+
+def _one_way(values: Array) -> NDArray[np.bool_]:
+    """(k,), which columns of values (N, k) never fall, or never rise, and are not all the same."""
+    steps = np.diff(values, axis=0)
+    one_way: NDArray[np.bool_] = ((steps >= 0.0).all(axis=0) | (steps <= 0.0).all(axis=0)) & (steps != 0.0).any(axis=0)
+    return one_way
 
 
 def time_notices(table: NumberTable) -> Iterator[str]:

@@ -24,6 +24,7 @@ from lrm_ident.data.measurement_file.measured_columns import (
 )
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION
+from lrm_ident.data.measurement_file.summary_rows import without_summary
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.observations.encoder_readings import EncoderReadings
@@ -61,7 +62,7 @@ def read_measured(
     """
     said = conventions_of(path, arm, reading, usual)
     file, known = read_table(path), measured_quantities(arm, said.how)
-    cells = arm_columns(file, arm, said.how, known).once()
+    cells = without_summary(arm_columns(file, arm, said.how, known).once())
     require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))

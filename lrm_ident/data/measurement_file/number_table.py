@@ -71,22 +71,23 @@ def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
 
     Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
     """
-    return _require(read_table(path), required)
+    table = _require(read_table(path), required)
+    twice = [name for name, count in Counter(table.header).items() if count > 1 and name]
+    if twice:
+        raise FileError(path, "header", f"column {twice[0]} stands twice")
+    return table
 
 
 def _require(table: CsvTable, required: Sequence[str]) -> CsvTable:
-    """The table, its required columns named as requested. Raises `FileError`: a missing or doubled column, no rows."""
+    """The table, its required columns named as requested. Raises `FileError`: a missing column, no rows."""
     ours = {name.lower(): name for name in required}
     columns = tuple(replace(column, name=ours.get(column.name.lower(), column.name)) for column in table.columns)
-    times_there = Counter(column.name for column in columns)
-    missing = [name for name in required if name not in times_there]
+    named = {column.name for column in columns}
+    missing = [name for name in required if name not in named]
     if missing:
-        there = enumerate_words([column.name for column in columns], COLUMNS_LISTED)
+        there = enumerate_words([column.name for column in columns if column.name], COLUMNS_LISTED)
         right = f"required: {', '.join(required)}; there are: {there}"
         raise FileError(table.path, "header", f"missing column {missing[0]}", right)
-    twice = [name for name, count in times_there.items() if count > 1 and name]
-    if twice:
-        raise FileError(table.path, "header", f"column {twice[0]} stands twice")
     if not table.rows:
         raise FileError(table.path, "", "no rows below the header")
     return replace(table, columns=columns)
@@ -125,7 +126,9 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
     values = np.array([float(word) if is_number(word) else math.nan for word in words], dtype=np.float64)
     faults = {}
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
-        if words[row].strip():
+        if words[row].startswith("="):
+            faults[row] = f"'{words[row]}' is a formula without its value: save it in a spreadsheet program"
+        elif words[row].strip():
             faults[row] = f"'{words[row]}' is not a {'finite ' if is_number(words[row]) else ''}number"
         elif not may_be_empty:
             faults[row] = EMPTY

@@ -212,13 +212,19 @@ def urdf_of(path: Path, tree: ElementTree.Element) -> Urdf:
         if joint.child in joints:
             what = f"link '{joint.child}' hangs on joint '{joints[joint.child].name}' too"
             raise FileError(path, f"joint {joint.name}", what, "a link has one parent")
+        if joint.name in {other.name for other in joints.values()}:
+            raise FileError(path, "", f"two joints of one name: {joint.name}")
         joints[joint.child] = joint
     joints = _resolved(joints)
     parents = {joint.parent for joint in joints.values()}
     loose = [link for link in links if joints and link not in joints and link not in parents]
-    notices = tuple(f"link '{link}' hangs on no joint and carries none: it is not read" for link in loose)
+    notices = [f"link '{link}' hangs on no joint and carries none: it is not read" for link in loose]
+    shaped = {_named(path, link) for link in elements if link.find("visual") is not None} & {*joints}
+    if any(mass is not None for mass in links.values()):
+        weightless = (link for link in sorted(shaped) if links[link] is None)
+        notices += [f"link '{link}' has a shape and no mass: it counts as weightless" for link in weightless]
     links = {link: mass for link, mass in links.items() if link not in loose}
-    robot = Urdf(path, tree.get("name") or path.stem, links, joints, tree, notices=notices)
+    robot = Urdf(path, tree.get("name") or path.stem, links, joints, tree, notices=tuple(notices))
     roots = [link for link in links if link not in joints]
     if len(roots) != 1:
         raise FileError(path, "", f"{len(roots)} links have no parent: {', '.join(roots) or 'it is a ring'}", "one has")

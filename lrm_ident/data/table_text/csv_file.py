@@ -1,7 +1,8 @@
 """Tables with a header, as spreadsheets and trackers write them: encoding, delimiter, decimal comma, comment lines.
 
 An Excel export may begin with a byte order mark or a line `sep=;`, is UTF-16 if saved as Unicode text, and has decimal
-commas and semicolons on computers whose language writes numbers so. Of a workbook the first sheet is read.
+commas and semicolons on computers whose language writes numbers so. Of a workbook the first sheet with
+numbers is read.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ PACKED = b"PK\x03\x04"
 OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
-DELIMITERS = (";", "\t", ",")
+DELIMITERS = (";", "\t", ",", "|")
 COMMENT = ("#", "%", "//")
+MOST_LINES_OF_A_ROW = 40
 LISTED = 8
 """Lines that are named of those that are left out."""
 TYPOGRAPHIC_MINUS = re.compile(r"(?<![^\s,;\"'])[\u2212\u2013](?=[.,]?\d)")
@@ -35,6 +37,8 @@ NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
+COMMA_AND_POINT = re.compile(r"[+-]?\d{1,3}(?:(?:,\d{3})+\.|(?:\.\d{3})+,)\d*")
+"""A number with both, one of which divides thousands; 01.02,2024 is none."""
 RECORDING = re.compile(r"\s*(Format Version|(?:Objects|Segments|Trajectories)(?=[,;\s]*\n)|fr[ \t]+\d+(?=\s*\n))")
 """Begin of a tracker's recording that is no table with one header (`measuring.recordings.readers`)."""
 TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
@@ -105,7 +109,8 @@ def read_text(path: Path) -> FileText:
     check_is_table(path, content)
     sha256 = hashlib.sha256(content).hexdigest()
     if content.startswith(PACKED):
-        return FileText(sheet_text(path, content), sha256, ("read from the first sheet of the workbook",))
+        text, said = sheet_text(path, content)
+        return FileText(text, sha256, said)
     if content.startswith(OLD_EXCEL):
         raise FileError(path, "", "an Excel file of before 2007", "save it as .xlsx or as CSV")
     notices = []
@@ -135,7 +140,7 @@ def read_table(path: Path) -> CsvTable:
     if begin := RECORDING.match(file.text):
         what = f"begins with '{begin[1]}': a tracker's recording"
         raise FileError(path, "", what, "lrm-ident import RECORDING POSES -o DATA makes measurements of it")
-    lines = file.text.splitlines()
+    lines = _with_whole_cells(file.text.splitlines())
     kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]
     if _by_spaces([line for _, line in kept]):
         lines = ["\t".join(line.split()) for line in lines]
@@ -144,8 +149,7 @@ def read_table(path: Path) -> CsvTable:
     delimiter = _stated_delimiter(lines) or next((mark for mark in DELIMITERS if kept and mark in kept[0][1]), ",")
     if kept and all(is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
         kept.insert(0, _header_in_comment(path, lines, *kept[0], delimiter))
-    split = [(n, tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))) for n, line in kept]
-    numbered = [(number, cells) for number, cells in split if any(cells)]
+    numbered = [(number, cells) for number, line in kept if any(cells := _cells(line, delimiter))]
     if not numbered:
         raise FileError(path, "", "is empty", "a header that names the columns (pose, q1_deg, …), and a row per pose")
     header, *rows = _cut_to_header(path, numbered, delimiter)
@@ -153,6 +157,30 @@ def read_table(path: Path) -> CsvTable:
     columns = tuple(Column(name, name) for name in header)
     table = CsvTable(path, columns, tuple(rows), tuple(lines_of), first, file.sha256, (*titles, *file.notices))
     return _with_points(_without_repeated_header(table))
+
+
+def _with_whole_cells(lines: Sequence[str]) -> list[str]:
+    """The lines, each that ends within a quoted cell joined with the next ones, in whose places are empty lines."""
+    whole = [*lines]
+    for start in range(len(whole)):
+        for end in range(start + 2, min(start + MOST_LINES_OF_A_ROW, len(whole)) + 1):
+            if not _open(whole[start]):
+                break
+            if not _open(joined := " ".join(lines[start:end])):
+                whole[start:end] = [joined, *[""] * (end - start - 1)]
+    return whole
+
+
+def _open(line: str) -> bool:
+    """Whether a line ends within a quoted cell."""
+    if line.count('"') % 2 == 0:
+        return False
+    for delimiter in DELIMITERS:
+        try:
+            next(csv.reader([line], delimiter=delimiter, strict=True))
+        except csv.Error:
+            return True
+    return False
 
 
 def _without_repeated_header(table: CsvTable) -> CsvTable:
@@ -167,18 +195,33 @@ def _without_repeated_header(table: CsvTable) -> CsvTable:
 def _without_titles(kept: Sequence[tuple[int, str]]) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
     """The lines from the header on, and a notice of those above: a title that a person wrote over the table.
 
-    A title has less than half of the cells of the widest row, and a line of words alone, the header, comes after it.
+    The header has at least half of the cells of the widest row, and as many as the rows if a line has; it is words
+    alone. A line of numbers above it is no title, nor is one under words that name its cells: both are a table.
     """
     last = kept[-1][1] if kept else ""
     delimiter = next((mark for mark in DELIMITERS if mark in last), ",")
-    cells = [[cell.strip('" ') for cell in line.split(delimiter) if cell.strip('" ')] for _, line in kept]
+    split = [_cells(line, delimiter) for _, line in kept]
+    cells = [[cell for cell in row if cell] for row in split]
     widest = max(map(len, cells), default=0)
-    header = next((row for row, found in enumerate(cells) if 2 * len(found) >= widest), 0)
-    data_above = any(len(found) > 1 and all(_is_decimal(cell) for cell in found) for found in cells[:header])
-    if not header or data_above or any(map(_is_decimal, cells[header])):
+    wide = [row for row, found in enumerate(cells) if 2 * len(found) >= widest]
+    widths = [len(split[row]) for row in wide if any(map(_is_decimal, cells[row]))]
+    same = (row for row in wide if widths and len(split[row]) == max(widths, key=widths.count))
+    header = next(same, next(iter(wide), 0))
+    above = cells[:header]
+    numbers = any(len(found) > 1 and all(map(_is_decimal, found)) for found in above)
+    if not header or numbers or any(map(_is_decimal, cells[header])) or any(map(_is_table, above, above[1:])):
         return [*kept], ()
-    above = "1 line" if header == 1 else f"{header} lines"
-    return [*kept[header:]], (f"{above} above the header not used: {' '.join(cells[0])}",)
+    lines = "1 line" if header == 1 else f"{header} lines"
+    return [*kept[header:]], (f"{lines} above the header not used: {' '.join(cells[0])}",)
+
+
+def _is_table(names: Sequence[str], row: Sequence[str]) -> bool:
+    """Whether cells name those of the next row, among which are numbers."""
+    return len(names) == len(row) > 2 and any(map(_is_decimal, row)) and not any(map(_is_decimal, names))
+
+
+def _cells(line: str, delimiter: str) -> tuple[str, ...]:
+    return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))
 
 
 def _is_decimal(cell: str) -> bool:
@@ -201,6 +244,8 @@ def _cut_to_header(
             right = "is the file cut off or a comma missing?"
             if delimiter == "," and len(cells) == 2 * width:
                 right = "are these decimal commas? then divide the cells by semicolons or tabs"
+            elif len(words := [cell for cell in cells if cell]) > 2 and not any(map(_is_decimal, words)):
+                right = "does another table begin here? a file has one"
             raise FileError(path, f"line {number}", f"{len(cells)} cells, the header has {width}", right)
     return [cells[:width] for _, cells in numbered]
 
@@ -218,7 +263,7 @@ def _by_spaces(kept: Sequence[str]) -> bool:
 
 
 def _tells(line: str) -> bool:
-    bare = line.strip().strip('"')
+    bare = line.strip().strip('"').strip(",;\t ")
     return bool(bare) and not bare.startswith(COMMENT) and not bare.lower().startswith("sep=")
 
 
@@ -248,7 +293,7 @@ def _with_points(table: CsvTable) -> CsvTable:
     ]
     numbers = [(line, cell) for line, cell in placed if NUMBER.fullmatch(cell)]
     cells = [(line, cell) for line, cell in numbers if "," in cell]
-    both = next(((line, cell) for line, cell in cells if "." in cell), None)
+    both = next(((line, cell) for line, cell in cells if COMMA_AND_POINT.fullmatch(cell)), None)
     if both:
         what, right = f"'{both[1]}' has a comma and a point", "write numbers without commas for thousands"
         raise FileError(table.path, f"line {both[0]}", what, right)
@@ -272,9 +317,9 @@ def _with_points(table: CsvTable) -> CsvTable:
 
 
 def is_number(cell: str) -> bool:
-    """Whether Python reads a cell as a number, infinite or NaN ones too."""
+    """Whether Python reads a cell as a number, infinite or NaN ones too; not 1_000, which no table means."""
     try:
         float(cell)
     except ValueError:
         return False
-    return True
+    return "_" not in cell

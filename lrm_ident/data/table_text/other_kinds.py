@@ -59,6 +59,20 @@ KINDS = (
         re.compile(rb"\.npy"),
     ),
     OtherKind(
+        "OpenDocument",
+        b"PK\x03\x04",
+        "is an OpenDocument spreadsheet (.ods)",
+        "save it as .xlsx or as CSV",
+        re.compile(rb"\A.{26,60}mimetypeapplication/vnd\.oasis\.opendocument", re.DOTALL),
+    ),
+    OtherKind(
+        "binary Excel",
+        b"PK\x03\x04",
+        "is a binary Excel file (.xlsb)",
+        "save it as .xlsx or as CSV",
+        re.compile(rb"xl/workbook\.bin"),
+    ),
+    OtherKind(
         "parquet", b"PAR1", "is a parquet file", "of a LeRobot dataset: lrm-ident import lerobot FOLDER -o poses.csv"
     ),
     OtherKind(

@@ -1,30 +1,61 @@
-"""First sheet of an Excel workbook (.xlsx: Office Open XML, ECMA-376) as the text of a CSV file."""
+"""A sheet of an Excel workbook (.xlsx: Office Open XML, ECMA-376) as the text of a CSV file."""
 
 from __future__ import annotations
 
 import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import reduce
 from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import BadZipFile, ZipFile
 
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.errors import FileError
 
-SPACE = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
-RELATION = "{http://schemas.openxmlformats.org/officeDocument/2006/relationships}id"
 DAY_ZERO = datetime(1899, 12, 30)
 DATES = {*range(14, 23), *range(45, 48)}
 """Numbers of the built-in formats of dates and times."""
+NUMBER = re.compile(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?")
 LARGEST = 200 << 20
 """Bytes of an unpacked part that are read."""
+LISTED = 8
+"""Hidden rows, and sheets that are not read, which are named."""
+WITHOUT_VALUE = "=…"
+"""Of a formula that repeats another one and was never calculated."""
 
 
-def sheet_text(path: Path, content: bytes) -> str:
-    """CSV text of the first sheet, its rows on the lines of their numbers; dates in ISO 8601.
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet: its cells by row, from 1, and column, from 0. `hidden`: whether the workbook hides it.
+    `hidden_rows`: numbers of the rows with cells that it hides."""
+
+    name: str
+    hidden: bool
+    rows: Mapping[int, Mapping[int, str]]
+    hidden_rows: tuple[int, ...]
+
+    @property
+    def numbers(self) -> bool:
+        """Whether a row has two numbers at least, as every table of measurements has."""
+        return any(sum(map(_is_number, cells.values())) > 1 for cells in self.rows.values())
+
+    @property
+    def text(self) -> str:
+        """CSV text, the rows on the lines of their numbers."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        width = 1 + max((column for row in self.rows.values() for column in row), default=0)
+        for number in range(1, max(self.rows, default=0) + 1):
+            writer.writerow([self.rows.get(number, {}).get(column, "") for column in range(width)])
+        return out.getvalue()
+
+
+def sheet_text(path: Path, content: bytes) -> tuple[str, tuple[str, ...]]:
+    """CSV text of the first sheet that is shown and has numbers, dates in ISO 8601; and notices of what was read.
 
     Raises `FileError`: no workbook, or a damaged one.
     """
@@ -32,27 +63,55 @@ def sheet_text(path: Path, content: bytes) -> str:
         with ZipFile(io.BytesIO(content)) as parts:
             if any(part.file_size > LARGEST for part in parts.infolist()):
                 raise FileError(path, "", "the workbook is too large", "save the sheet as CSV")
-            shared, dates = list(_shared(parts)), _date_styles(parts)
-            first = _part(parts, "xl/workbook.xml").find(f"{SPACE}sheets/{SPACE}sheet")
-            own = None if first is None else first.get(RELATION)
-            links = {link.get("Id"): link.get("Target", "") for link in _part(parts, "xl/_rels/workbook.xml.rels")}
-            name = links[own]
-            sheet = _part(parts, name.lstrip("/") if name.startswith("/") else f"xl/{name}")
+            sheets = [*_sheets(parts)]
+            if not sheets:
+                raise FileError(path, "", "the workbook has no sheet with cells", "a header, and a row per pose")
+            best = max(sheets, key=lambda one: (one.numbers and not one.hidden, one.numbers))
     except (BadZipFile, KeyError, ElementTree.ParseError, ValueError, IndexError) as error:
         raise FileError(
             path, "", f"looks packed, but is no readable Excel workbook ({error})", "save it as CSV"
         ) from None
-    return _text(dict(_rows(sheet, shared, dates)))
+    others = [f"'{one.name}'" for one in sheets if one is not best and one.rows]
+    notices = [
+        f"read from the sheet '{best.name}'" + (f"; not read: {enumerate_words(others, LISTED)}" if others else "")
+    ]
+    if best.hidden_rows:
+        hidden = enumerate_words([str(number) for number in best.hidden_rows], LISTED)
+        notices.append(f"rows that the sheet hides are read, too: line {hidden}; delete them if they do not count")
+    return best.text, tuple(notices)
+
+
+def _sheets(parts: ZipFile) -> Iterator[Sheet]:
+    """The sheets of a workbook that have cells, in its order."""
+    shared, dates = [*_shared(parts)], _date_styles(parts)
+    links = {link.get("Id"): link.get("Target", "") for link in _part(parts, "xl/_rels/workbook.xml.rels")}
+    for sheet in _part(parts, "xl/workbook.xml").iterfind("sheets/sheet"):
+        own = next((value for key, value in sheet.items() if key.endswith("}id")), None)
+        root = _part(parts, links[own].lstrip("/") if links[own].startswith("/") else f"xl/{links[own]}")
+        if root.tag != "worksheet":  # a chart
+            continue
+        rows = [*_rows(root, shared, dates)]
+        hidden = tuple(number for number, cells, is_hidden in rows if is_hidden and any(cells.values()))
+        cells_of = {number: cells for number, cells, _ in rows}
+        yield Sheet(sheet.get("name", ""), sheet.get("state", "visible") != "visible", cells_of, hidden)
+
+
+def _is_number(cell: str) -> bool:
+    return NUMBER.fullmatch(cell) is not None
 
 
 def _part(parts: ZipFile, name: str) -> ElementTree.Element:
-    return ElementTree.fromstring(parts.read(name))
+    """A part with the names of its elements alone: their namespace differs in strict Open XML."""
+    root = ElementTree.fromstring(parts.read(name))
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    return root
 
 
 def _shared(parts: ZipFile) -> Iterator[str]:
     if "xl/sharedStrings.xml" in parts.namelist():
         for item in _part(parts, "xl/sharedStrings.xml"):
-            yield "".join(text.text or "" for text in item.iter(f"{SPACE}t"))
+            yield "".join(text.text or "" for text in item.iter("t"))
 
 
 def _date_styles(parts: ZipFile) -> set[str]:
@@ -60,23 +119,24 @@ def _date_styles(parts: ZipFile) -> set[str]:
     if "xl/styles.xml" not in parts.namelist():
         return set()
     styles = _part(parts, "xl/styles.xml")
-    own = {int(f.get("numFmtId", 0)): f.get("formatCode", "") for f in styles.iter(f"{SPACE}numFmt")}
+    own = {int(f.get("numFmtId", 0)): f.get("formatCode", "") for f in styles.iter("numFmt")}
     dated = DATES | {
         number for number, code in own.items() if re.search("[dyhs]", re.sub(r'"[^"]*"|\[[^]]*]|\\.', "", code))
     }
-    cells = styles.find(f"{SPACE}cellXfs")
+    cells = styles.find("cellXfs")
     return {
         str(i) for i, cell in enumerate(cells if cells is not None else ()) if int(cell.get("numFmtId", 0)) in dated
     }
 
 
-def _rows(sheet: ElementTree.Element, shared: list[str], dates: set[str]) -> Iterator[tuple[int, dict[int, str]]]:
-    for count, row in enumerate(sheet.iter(f"{SPACE}row"), start=1):
+def _rows(sheet: ElementTree.Element, shared: list[str], dates: set[str]) -> Iterator[tuple[int, dict[int, str], bool]]:
+    """Number of each row, its cells by column, and whether it is hidden."""
+    for count, row in enumerate(sheet.iter("row"), start=1):
         cells = {}
-        for place, cell in enumerate(row.iter(f"{SPACE}c")):
+        for place, cell in enumerate(row.iter("c")):
             letters = re.match("[A-Z]+", cell.get("r", ""))
             cells[_column(letters[0]) if letters else place] = _value(cell, shared, dates)
-        yield int(row.get("r", count)), cells
+        yield int(row.get("r", count)), cells, row.get("hidden") in ("1", "true")
 
 
 def _column(letters: str) -> int:
@@ -86,19 +146,12 @@ def _column(letters: str) -> int:
 def _value(cell: ElementTree.Element, shared: list[str], dates: set[str]) -> str:
     kind = cell.get("t", "n")
     if kind == "inlineStr":
-        return " ".join("".join(text.text or "" for text in cell.iter(f"{SPACE}t")).split())
-    value = cell.findtext(f"{SPACE}v", "")
+        return " ".join("".join(text.text or "" for text in cell.iter("t")).split())
+    value = cell.findtext("v", "")
+    if not value and (formula := cell.find("f")) is not None:
+        return f"={formula.text}" if formula.text else WITHOUT_VALUE
     if kind == "s":
         return " ".join(shared[int(value)].split())
     if kind == "n" and value and cell.get("s") in dates:
         return (DAY_ZERO + timedelta(days=float(value))).isoformat(timespec="milliseconds")
     return value
-
-
-def _text(rows: dict[int, dict[int, str]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    width = 1 + max((column for row in rows.values() for column in row), default=0)
-    for number in range(1, max(rows, default=0) + 1):
-        writer.writerow([rows.get(number, {}).get(column, "") for column in range(width)])
-    return out.getvalue()

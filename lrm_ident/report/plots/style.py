@@ -24,7 +24,7 @@ TITLE_LINE = 56
 
 def check_format(path: Path) -> None:
     """Raises `FileError` if figures of this kind cannot be drawn."""
-    if path.suffix not in FORMATS:
+    if path.suffix.lower() not in FORMATS:
         raise FileError(path, "", f"cannot draw a {path.suffix or 'nameless'} file", f"one of {', '.join(FORMATS)}")
 
 
@@ -41,7 +41,7 @@ def figure_file(path: Path | None, width: float, height: float) -> Iterator[Figu
         yield figure
     if path is not None:
         drawn = BytesIO()
-        figure.savefig(drawn, dpi=DPI, format=path.suffix[1:])
+        figure.savefig(drawn, dpi=DPI, format=path.suffix[1:].lower())
         write_bytes(path, drawn.getvalue())
 
 

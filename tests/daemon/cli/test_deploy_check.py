@@ -7,16 +7,23 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model_file import ModelFile, load_model
 from lrm_math.toml_file import read_toml
+from lrmd.cli import app
 from lrmd.cli.status import deploy
+from lrmd.client import RequestRefused, Rover
 from lrmd.client.deployment import Deployment, left_out_differences
 from lrmd.client.model_text import text_to_deploy
+from lrmd.config import load_config
+from lrmd.messages.codec import ErrorReply
 from tests.conftest import ROOT
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 KEY = "compliance.joint2.k_rad_per_Nm"
@@ -163,3 +170,15 @@ def test_a_size_that_no_real_arm_has_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LrmError, match=r"a1_rad = 29\.8 deg .* usual is less than 3 deg; .*--accept$"):
         checked.check()
     assert any("not physically plausible" in line for line in checked.lines())
+
+
+def test_a_model_that_the_daemon_refuses_is_named_as_the_file_of_the_person(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before: the line named a file in the state directory of the daemon, which was gone by then."""
+    path = written(tmp_path, MODEL)
+    refused = RequestRefused(ErrorReply(code="model", msg="arm: a model of so101"))
+    daemon = InMemoryDaemon(SimulatedDaemon(load_config(CONFIG)))
+    with daemon.reachable(), mock.patch.object(Rover, "deploy", side_effect=refused):
+        assert app.main(["deploy", str(path), "--accept"]) == 2
+    assert capsys.readouterr().err == f"lrm: {path}: arm: a model of so101\n"

@@ -67,6 +67,20 @@ def solve_goals(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
     return list(service().inverse(IkRequest(goals=list(goals), **more)))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("factor", "said"), [(1e-3, "too small, m where mm are meant"), (1e3, "too large, mm where")])
+def test_a_goal_that_seems_to_be_in_another_unit_is_told(factor: float, said: str) -> None:
+    """Before: "base and link6 would be -40.2 mm apart", or a distance of hundreds of metres."""
+    place = np.array([0.09, -0.05, 0.09])  # within 0.1 m, as farther goals are no valid message in mm
+    (answer,) = solve_goals(GoalEntry(position_m=(place * factor).tolist()))
+    assert answer.q_rad is None
+    assert said in answer.text
+    here = [0.0] * config().dof
+    line = PlanRequest(from_rad=here, goal=GoalEntry(position_m=(place * factor).tolist()), line=True)
+    assert said in service().plan(line, lambda: None).text  # type: ignore[union-attr]
+    (beyond,) = solve_goals(GoalEntry(position_m=(place * 20.0).tolist()))
+    assert "times too" not in beyond.text
+
+
 def bent(q: Array, payload: float) -> Array:
     """(N, n + 2, 4, 4), frames of the arm at rest for commands (N, n), by the model alone."""
     model = service().deployed.model

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from rich.console import Console
@@ -180,3 +181,11 @@ def test_bars_of_a_long_work_are_gone_before_a_step_is_printed(monkeypatch: pyte
     shown = terminal.file.getvalue()  # type: ignore[attr-defined]
     assert "looking for what is missing" in shown
     assert "25%" in shown
+
+
+def test_a_demo_that_is_interrupted_ends_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before: the next command ran, and missed what the first had not written."""
+    monkeypatch.setattr("lrm_ident.cli.fit.Study", Mock(side_effect=KeyboardInterrupt))
+    code, out, _ = run_command("demo", "-o", tmp_path / "demo")
+    assert code == 130
+    assert "diagnose" not in out

@@ -40,6 +40,14 @@ def test_versions_the_last_error_and_the_heads_are_there_but_no_value(tmp_path: 
     assert "0.3\n" not in text, "the noise that the metadata state"
 
 
+def test_a_file_that_is_not_there_is_no_report(tmp_path: Path) -> None:
+    """Before: a report on nothing was written."""
+    code, _, err = run_command("report-bug", tmp_path / "modle.toml", "-o", tmp_path / "bug.txt")
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "modle.toml: no such file" in err
+    assert not (tmp_path / "bug.txt").exists()
+
+
 def test_without_an_error_and_files_it_says_so() -> None:
     text = bug_report(())
     assert "none is known" in text

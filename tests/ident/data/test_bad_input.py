@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -376,3 +376,22 @@ def test_an_imported_arm_may_be_written_and_shown(tmp_path: Path) -> None:
     (tmp_path / "arm.toml").write_text(arm_text(load_arm("so101"), source="", comments=()))
     assert "so101" in stdout_of("arm", "show", tmp_path / "arm.toml")
     assert run_command("arm", "show", "ur5")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("predict", "MODEL", "DATA", "-o", "new.toml"), "new.toml: -o writes no .toml file; name it .csv"),
+        (("predict", "MODEL", "DATA", "-o", "new.xlsx"), "new.xlsx: -o writes no .xlsx file; name it .csv"),
+        (("fit", "DATA", "-o", "new.csv"), "new.csv: -o writes no .csv file; name it .toml"),
+        (("compare", "MODEL", "DATA", "--json", "new.toml"), "new.toml: --json writes no .toml file; name it .json"),
+        (("camera", "board", "-o", "new.txt"), "new.txt: -o writes no .txt file; name it .pdf"),
+        (("diagnose", "MODEL", "DATA", "--effects-file", "DATA"), "is no Python file"),
+    ],
+)
+def test_an_output_has_the_ending_of_its_kind(words: Sequence[str], said: str, tmp_path: Path) -> None:
+    """Before: `predict -o data.toml` wrote a table that was read as the metadata of data.csv from then on."""
+    named = {"MODEL": ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml", "DATA": EXAMPLE}
+    called = [named.get(word, tmp_path / word if word.startswith("new.") else word) for word in words]
+    assert said in stderr_of(*called)
+    assert not [*tmp_path.iterdir()]

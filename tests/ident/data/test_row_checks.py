@@ -47,6 +47,8 @@ from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 from tests.support.sweep import seeds
 
+HEADER = EXAMPLE.read_text(encoding="utf-8").splitlines()[0].split(",")
+
 
 def example(folder: Path, rows: list[list[str]], header: list[str] | None = None) -> Path:
     """A file of rows of the shipped data set."""
@@ -113,6 +115,63 @@ def test_a_position_that_no_tip_can_have_is_an_error_unless_its_pose_is_left_out
     with pytest.raises(FileError, match=r"line 22, column x_mm: .* mm from the others.* --leave-out 21"):
         load_checked(path, lab)
     assert len(load_checked(path, lab, part=lambda data: data.without([21]))) == 79
+
+
+def test_all_positions_that_no_tip_can_have_are_named_at_once(lab: Arm, tmp_path: Path) -> None:
+    """A tracker that writes -9999 while it sees nothing. Before: one pose at a time."""
+    rows = [[*row[:-3], *(["-9999"] * 3 if k in (7, 30) else row[-3:])] for k, row in enumerate(rows_of(80))]
+    path = example(tmp_path, rows)
+    with pytest.raises(FileError, match=r"line 9, .*leave all 2 such poses out with --leave-out 8,31"):
+        load_checked(path, lab)
+    assert len(load_checked(path, lab, part=lambda data: data.without([8, 31]))) == 78
+
+
+SUMMARIES = {
+    "mean": lambda column: np.mean(column),
+    "std": lambda column: np.std(column, ddof=1),
+    "max": max,
+    "Summe": sum,
+}
+
+
+@pytest.mark.parametrize("digits", [4, 2])
+@pytest.mark.parametrize("labels", [["mean", "std"], ["max"], ["Summe", "mean"]])
+@pytest.mark.parametrize("place", ["of the number", "of a column of its own", "nowhere"])
+def test_rows_that_sum_the_table_up_are_no_poses(
+    lab: Arm, tmp_path: Path, place: str, labels: list[str], digits: int
+) -> None:
+    """Before: without a label in the column pose they were poses, and the error of the fit 15 mm in place of 3."""
+    rows, first = rows_of(80), HEADER.index("q1_deg")
+    columns = [[float(row[j]) for row in rows] for j in range(first, len(HEADER))]
+    body = [[row[0], *row[first:], "ok"] for row in rows]
+    for label in labels:
+        numbers = [f"{SUMMARIES[label](column):.{digits}f}" for column in columns]
+        number = label if place == "of the number" else str(len(body) + 1)
+        body.append([number, *numbers, label if place == "of a column of its own" else ""])
+    names, unnamed = ["pose", *HEADER[first:], "note"], 1 if place == "nowhere" else 0
+    names, body = names[unnamed:], [row[unnamed:] for row in body]
+    path = tmp_path / "data.csv"
+    path.write_text("\n".join(",".join(row) for row in [names, *body]) + "\n")
+    data = load_measurements(path, lab)
+    assert len(data) == 80
+    assert any("of the rows above, left out" in words for words in data.source.notices)
+
+
+def test_a_last_row_like_any_other_is_a_pose(lab: Arm, tmp_path: Path) -> None:
+    """Though its joints stand at the mean of the others', or at their ends, as the last row of a grid."""
+    rows = rows_of(81)
+    for row, angle in zip(rows, [*(sign * 40.0 for sign in (-1, 1) for _ in range(40)), 0.0], strict=True):
+        row[HEADER.index("q1_deg") : HEADER.index("q1_deg") + 6] = [f"{angle}"] * 6
+    assert len(load_measurements(example(tmp_path, rows), lab)) == 81
+
+
+def test_rows_sorted_by_a_position_are_told(lab: Arm, tmp_path: Path) -> None:
+    at = HEADER.index("x_mm")
+    rows = sorted(([str(k), *row[1:]] for k, row in enumerate(rows_of(60))), key=lambda row: float(row[at]))
+    rows = [[str(number), *row[1:]] for number, row in enumerate(rows, start=1)]
+    said = load_measurements(example(tmp_path, rows), lab).source.notices
+    assert any("the rows are sorted by x" in words for words in said)
+    assert not any("are sorted" in one for one in load_measurements(example(tmp_path, rows_of(60)), lab).source.notices)
 
 
 def test_an_arm_without_masses_is_said_with_its_measurements(lab: Arm, tmp_path: Path) -> None:

@@ -78,6 +78,10 @@ SAME: dict[str, bytes] = {
     ).encode(),
     "another stem": text(["Nr", *(f"Achse {i}" for i in range(6)), "X", "Y", "Z"]).encode(),
     "a title above": ("Messung vom 3. Mai, erster Arm\n\n" + text(NAMES)).encode(),
+    "a title with many commas": ("Messung, 3. Mai, erster Arm, mit Last, im Labor, Tag 2\n" + text(NAMES)).encode(),
+    "a date with a point and a comma": joined(
+        ",", [*NAMES, "Date"], *([*row, '"01.02,2024"'] for row in ROWS)
+    ),
     "a title above, decimal commas": ("Messung; 3. Mai\n" + text(NAMES, ";", comma=True)).encode(),
     "a title above, empty rows below": ("Messung;;;;;;;;;\n" + text(NAMES, ";") + ";;;;;;;;;\n").encode(),
     "files put together": joined(",", SHORT, UNITS, ROWS[0][1:], SHORT, UNITS, ROWS[1][1:]),
@@ -88,6 +92,11 @@ SAME: dict[str, bytes] = {
         ";", [*NAMES, "Note"], *([*(str(v).replace(".", ",") for v in row), "ok, 2. try"] for row in ROWS)
     ),
     "decimal commas in quotes": joined(",", NAMES, *([f'"{v}"'.replace(".", ",") for v in row] for row in ROWS)),
+    "bars": text(NAMES, "|").encode(),
+    "a name in two lines": text(["pose", '"q1\n[deg]"', *NAMES[2:]]).encode(),
+    "two columns of notes": joined(",", [*NAMES, "note", "note"], *([*row, "a", "b"] for row in ROWS)),
+    "inch marks in notes": joined(",", [*NAMES, "note"], *([*row, '3" tool'] for row in ROWS)),
+    "a note in two lines": joined(",", [*NAMES, "note"], *([*row, '"again,\nslower"'] for row in ROWS)),
     "no pose numbers": text(NAMES[1:], rows=[row[1:] for row in ROWS]).encode(),
 }  # fmt: skip
 
@@ -140,6 +149,11 @@ AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
         text(NAMES) + text([*NAMES, *(f"note {k}" for k in range(12))], rows=[(*row, *range(12)) for row in ROWS]),
         ("header has 10",),
     ),
+    "another table above, with words": (
+        "servo,gain,offset\njoint1,1.0,0.5\njoint2,1.1,0.2\n\n" + text(NAMES),
+        ("line 5", "10 cells, the header has 3; does another table begin here?"),
+    ),
+    "digits in groups": (text(NAMES).replace("300.25", "3_00.25"), ("line 2", "'3_00.25' is not a number")),
     "rows of two arms": (
         joined(",", ["Robot", *NAMES[1:]], ["left", *ROWS[0][1:]], ["right", *ROWS[1][1:]]).decode(),
         ("column Robot", "2 arms: left, right", "file of its own"),
@@ -363,29 +377,45 @@ def letters(column: int) -> str:
 
 
 def workbook(path: Path, rows: list[list[object]], dated: frozenset[tuple[int, int]] = frozenset()) -> Path:
-    """An .xlsx with shared strings, numbers, and dates (serial numbers of the second style) in the cells `dated`."""
+    """An .xlsx with one sheet; dates (serial numbers of the second style) in the cells `dated`."""
+    return workbook_of(path, {"Data": rows}, dated)
+
+
+def workbook_of(
+    path: Path, sheets: dict[str, list[list[object]]], dated: frozenset[tuple[int, int]] = frozenset(),
+    hidden: str = "", hidden_row: int = 0, space: str = MAIN,
+) -> Path:  # fmt: skip
+    """An .xlsx with shared strings, numbers, and formulas without values; one sheet and one row may be hidden."""
     shared: list[str] = []
-    lines = []
-    for i, row in enumerate(rows):
-        cells = ""
-        for j, value in enumerate(row):
-            if isinstance(value, str):
-                shared.append(value)
-                cells += f'<c r="{letters(j)}{i + 1}" t="s"><v>{len(shared) - 1}</v></c>' if value else ""
-            else:
-                cells += f'<c r="{letters(j)}{i + 1}" s="{int((i, j) in dated)}"><v>{value!r}</v></c>'
-        lines.append(f'<row r="{i + 1}">{cells}</row>' if cells else "")
-    sheet = '<sheets><sheet name="Data" sheetId="1" r:id="rId7"/></sheets>'
     with zipfile.ZipFile(path, "w") as parts:
-        parts.writestr("xl/workbook.xml", f'<workbook {MAIN} xmlns:r="{RELATION}">{sheet}</workbook>')
-        parts.writestr("xl/_rels/workbook.xml.rels", '<R><Relationship Id="rId7" Target="worksheets/sheet9.xml"/></R>')
+        listed, links = "", ""
+        for number, (name, rows) in enumerate(sheets.items(), start=8):
+            lines = []
+            for i, row in enumerate(rows):
+                cells = ""
+                for j, value in enumerate(row):
+                    place = f'r="{letters(j)}{i + 1}"'
+                    if isinstance(value, str) and value.startswith("="):
+                        cells += f"<c {place}><f>{value[1:]}</f></c>"
+                    elif isinstance(value, str):
+                        shared.append(value)
+                        cells += f'<c {place} t="s"><v>{len(shared) - 1}</v></c>' if value else ""
+                    else:
+                        cells += f'<c {place} s="{int((i, j) in dated)}"><v>{value!r}</v></c>'
+                hides = ' hidden="1"' if i + 1 == hidden_row else ""
+                lines.append(f'<row r="{i + 1}"{hides}>{cells}</row>' if cells else "")
+            sheet = f"<worksheet {space}><sheetData>{''.join(lines)}</sheetData></worksheet>"
+            parts.writestr(f"xl/worksheets/sheet{number}.xml", sheet)
+            state = ' state="hidden"' if name == hidden else ""
+            listed += f'<sheet name="{name}"{state} sheetId="{number}" r:id="rId{number}"/>'
+            links += f'<Relationship Id="rId{number}" Target="worksheets/sheet{number}.xml"/>'
+        whole = f'<workbook {space} xmlns:r="{RELATION}"><sheets>{listed}</sheets></workbook>'
+        parts.writestr("xl/workbook.xml", whole)
+        parts.writestr("xl/_rels/workbook.xml.rels", f"<R>{links}</R>")
         strings = "".join(f'<si><t xml:space="preserve">{escape(each)}</t></si>' for each in shared)
-        parts.writestr("xl/sharedStrings.xml", f"<sst {MAIN}>{strings}</sst>")
+        parts.writestr("xl/sharedStrings.xml", f"<sst {space}>{strings}</sst>")
         xfs = '<cellXfs><xf numFmtId="0"/><xf numFmtId="22"/></cellXfs>'
-        parts.writestr("xl/styles.xml", f"<styleSheet {MAIN}>{xfs}</styleSheet>")
-        parts.writestr(
-            "xl/worksheets/sheet9.xml", f"<worksheet {MAIN}><sheetData>{''.join(lines)}</sheetData></worksheet>"
-        )
+        parts.writestr("xl/styles.xml", f"<styleSheet {space}>{xfs}</styleSheet>")
     return path
 
 
@@ -394,7 +424,54 @@ def test_a_workbook_is_read_as_the_csv_of_its_first_sheet(tmp_path: Path, lab: A
     data = load_measurements(path, lab)
     np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS], atol=1e-9)
     np.testing.assert_allclose(data.tcp * 1e3, [row[7:] for row in ROWS], atol=1e-9)
-    assert "read from the first sheet of the workbook" in data.source.notices
+    assert "read from the sheet 'Data'" in data.source.notices
+
+
+TABLE: list[list[object]] = [[*NAMES], *map(list, ROWS)]
+WRONG: list[list[object]] = [[*NAMES], *([*row[:-1], row[-1] + 1] for row in ROWS)]
+BOOKS: dict[str, tuple[dict[str, object], str]] = {
+    "notes before": ({"sheets": {"Notes": [["Operator", "Anna"], ["Tuesday"]], "Data": TABLE}}, "not read: 'Notes'"),
+    "an empty sheet before": ({"sheets": {"Empty": [], "Data": TABLE}}, "read from the sheet 'Data'"),
+    "a hidden sheet before": ({"sheets": {"Old": WRONG, "Data": TABLE}, "hidden": "Old"}, "not read: 'Old'"),
+    "another run behind": ({"sheets": {"Data": TABLE, "Run 2": WRONG}}, "not read: 'Run 2'"),
+    "strict Open XML": (
+        {"sheets": {"Data": TABLE}, "space": 'xmlns="http://purl.oclc.org/ooxml/spreadsheetml/main"'},
+        "read from the sheet 'Data'",
+    ),
+    "a table further down": ({"sheets": {"Data": [[], [], *([""] * 2 + row for row in TABLE)]}}, "the sheet 'Data'"),
+    "a hidden row": ({"sheets": {"Data": TABLE}, "hidden_row": 3}, "rows that the sheet hides are read, too: line 3"),
+}
+
+
+@pytest.mark.parametrize("name", BOOKS)
+def test_of_a_workbook_the_first_sheet_with_numbers_is_read(tmp_path: Path, lab: Arm, name: str) -> None:
+    """Before: the first one alone, whether it was empty, hidden or a chart; hidden rows without a word."""
+    how, said = BOOKS[name]
+    data = load_measurements(workbook_of(tmp_path / "data.xlsx", **how), lab)  # type: ignore[arg-type]
+    np.testing.assert_allclose(data.tcp * 1e3, [row[7:] for row in ROWS], atol=1e-9)
+    assert any(said in notice for notice in data.source.notices), data.source.notices
+    assert not any("above the header" in notice for notice in data.source.notices)
+
+
+def test_a_formula_without_its_value_is_named(tmp_path: Path, lab: Arm) -> None:
+    """As programs write it that do not calculate. Before: the cell is empty."""
+    path = workbook(tmp_path / "data.xlsx", [[*NAMES], [*ROWS[0][:9], "=Z2*1000"], [*ROWS[1]]])
+    with pytest.raises(FileError, match=r"line 2, column z_mm: '=Z2\*1000' is a formula without its value"):
+        load_measurements(path, lab)
+
+
+@pytest.mark.parametrize(
+    ("member", "content", "said"),
+    [
+        ("mimetype", "application/vnd.oasis.opendocument.spreadsheet", "OpenDocument spreadsheet"),
+        ("xl/workbook.bin", "", "binary Excel file"),
+    ],
+)
+def test_other_spreadsheets_are_named(tmp_path: Path, lab: Arm, member: str, content: str, said: str) -> None:
+    with zipfile.ZipFile(tmp_path / "data.ods", "w") as parts:
+        parts.writestr(member, content)
+    with pytest.raises(FileError, match=f"{said}.*; save it as .xlsx or as CSV"):
+        load_measurements(tmp_path / "data.ods", lab)
 
 
 def test_dates_of_a_workbook_are_times(tmp_path: Path, lab: Arm) -> None:
@@ -410,7 +487,7 @@ def test_cells_of_a_workbook_keep_places(tmp_path_factory: pytest.TempPathFactor
     import csv
 
     path = workbook(tmp_path_factory.mktemp("book") / "any.xlsx", [list(row) for row in rows])
-    read = list(csv.reader(sheet_text(path, path.read_bytes()).splitlines()))
+    read = list(csv.reader(sheet_text(path, path.read_bytes())[0].splitlines()))
     for i, row in enumerate(rows):
         there = read[i] if i < len(read) else []
         assert [" ".join(cell.split()) for cell in row if cell] == [there[j] for j, cell in enumerate(row) if cell]

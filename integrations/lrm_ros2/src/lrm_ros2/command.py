@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 
+from lrm_math.command_line import OneLineParser
 from lrm_math.errors import LrmError
 from lrm_ros2.action import FollowAction
 from lrm_ros2.action_types import CANCEL_GOAL, GET_RESULT, SEND_GOAL, TRIGGER
@@ -27,10 +28,9 @@ never arms it. Ctrl-C, and the loss of an action's client, end a motion in hold.
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the bridge until SIGTERM or Ctrl-C. Exit code 0 then, 2 if it cannot begin."""
-    options = _parser().parse_args(argv)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        _run(options)
+        _run(_parser().parse_args(argv))
     except KeyboardInterrupt:
         return 0
     except LrmError as error:
@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("lrm-ros2", description=TEXT)
+    parser = OneLineParser("lrm-ros2", description=TEXT)
     parser.add_argument("--robot", default="rover", help="whose daemon")
     parser.add_argument("--connect", metavar="ENDPOINTS", help="of the daemon; default LRM_CONNECT or this machine")
     parser.add_argument("--ros-router", default="127.0.0.1:7447", metavar="HOST:PORT", help="zenoh router of ROS 2")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,6 +187,7 @@ FAULTS = {
     "no <link>": '<robot name="x"/>',
     "no link 'b'": '<robot><link name="a"/><joint name="j"><parent link="a"/><child link="b"/></joint></robot>',
     "two links of one name": '<robot><link name="a"/><link name="a"/></robot>',
+    "two joints of one name: j2": random_robot(1, 3, False).replace('joint name="j3"', 'joint name="j2"', 1),
     "prismatic": random_robot(1, 3, False).replace('"revolute"', '"prismatic"', 1),
     "without <limit>": random_robot(1, 3, False).replace('<limit lower="-2" upper="2.5" effort="1" velocity="1"/>', ""),
     "no direction": random_robot(1, 1, True).replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'),
@@ -312,3 +314,11 @@ def test_a_jaw_at_the_end_of_the_chain_is_no_joint_of_the_arm(tmp_path: Path) ->
     assert sum(body.mass for body in imported.bodies) == pytest.approx(0.6)  # the jaw's mass is carried along
     stdout_of("arm", "import", urdf, "--tip", "l4", "-o", tmp_path / "all.toml")
     assert load_arm(tmp_path / "all.toml").dof == 4
+
+
+def test_a_shape_without_a_mass_is_told() -> None:
+    """Before: its link weighed nothing, without a word. A link of frames alone has no shape."""
+    text = random_robot(3, 3, False)
+    bare = re.sub(r'<link name="l2"><inertial>.*?</inertial>', '<link name="l2"><visual/>', text, count=1)
+    assert "link 'l2' has a shape and no mass: it counts as weightless" in robot_of(bare).notices
+    assert not any("weightless" in words for words in robot_of(text).notices)
