@@ -287,7 +287,7 @@ def _led_by_underrated(
         whole = {*possible, *({first.name} & refits.keys())}
         near = [one.name for one in diagnosis.scored if one.name in whole and moves_alike(leader, one)]
         others = possible if first.name in alike else near
-        found = diagnosis.led_by(leader, tuple(dict.fromkeys([*sorted(alike), *others])))
+        found = diagnosis.led_by(leader, (*sorted(alike), *others))
     return found, tried[best], {name: refit for name, refit in refits.items() if name != best}
 
 

@@ -171,7 +171,7 @@ class Diagnosis:
         """The same with another effect in place of the first supported one. `members`: names of its class."""
         first = self.supported[0]
         selected = tuple(other if one is first else one for one in self.selected if one is first or one is not other)
-        rest = tuple(name for name in members if name != other.name)
+        rest = tuple(dict.fromkeys(name for name in members if name != other.name))
         return replace(
             self,
             scored=(*selected, *(one for one in self.scored if one not in selected)),
