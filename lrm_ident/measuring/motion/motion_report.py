@@ -17,9 +17,9 @@ from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.diagnosis.headline import MISSING
-from lrm_ident.report.diagnosis.next_steps import NextStep
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.text.next_steps import OR, NextStep
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
 from lrm_math.effects.base import Parameter
 from lrm_math.effects.reference import ParameterRef
@@ -122,7 +122,7 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
     ]
     if ratio > FLOOR_RATIO:
         facts.append(("unexplained", f"the worst joint is {ratio:.1f} times as far off as the noise of a reading"))
-    concluded = Conclusion(headline, tuple(facts), (), (NextStep("Look where it still fails.", _compare(output)),))
+    concluded = Conclusion(headline, tuple(facts), (), (NextStep("Look where it still fails", (_compare(output),)),))
     table = ResultTable(
         ("effect", "size", f"without it, {unit} RMS|", "what it is"),
         [
@@ -166,10 +166,10 @@ def _conclusion(
         )
         if not left:
             words = "No missing effect found: the remaining error is about the noise of a reading."
-            return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model."),))
+            return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model"),))
         worst = max(left, key=lambda one: one.before.held_out_rms / one.noise)
         words = f"{worst.before.effects[0].place}, {worst.before.held_out_rms / worst.noise:.1f} times its noise"
-        where = NextStep("See where it fails.", f"lrm-ident motion compare {files}")
+        where = NextStep("See where it fails", (f"lrm-ident motion compare {files}",))
         headline = "No cause identified. The error is systematic, but no known effect explains it."
         return Conclusion(headline, (*facts, ("worst", words)), (), (where,))
     name, alike = first.effect.name, [plain_name(one) for one in best.equivalent]
@@ -203,11 +203,8 @@ def _conclusion(
         ("certainty", certainty),
     )
     steps = (
-        NextStep("Adds this effect and refits its joint.", f"lrm-ident motion add {files} {name} -o better.toml"),
-        NextStep(
-            "To get there in one go: adds effects at every joint until none is missing.",
-            f"lrm-ident motion auto {files} -o best.toml",
-        ),
+        NextStep("Add it and refit its joint", (f"lrm-ident motion add {files} {name} -o better.toml",)),
+        NextStep("Add all that is missing in one go", (f"lrm-ident motion auto {files} -o best.toml",), OR),
     )
     return Conclusion(headline, facts, (), steps)
 

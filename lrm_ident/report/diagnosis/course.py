@@ -20,13 +20,13 @@ from lrm_ident.diagnosis.step import Step
 from lrm_ident.report.diagnosis.cause_facts import why_candidate
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.story import ANEW, Story, at_poses
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.reasons import no_law_words, reason_words
 from lrm_ident.report.text.residuals import WHY_OFF, error_raised_sentence, law_may_be_wrong_sentence, scale_sentence
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual

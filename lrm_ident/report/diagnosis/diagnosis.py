@@ -21,11 +21,11 @@ from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.cause_facts import explains_part
 from lrm_ident.report.diagnosis.conclusion import Conclusion, conclude
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.diagnosis.pose_facts import valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
-from lrm_ident.report.text.advice import advice_sentence, next_step
+from lrm_ident.report.text.advice import advice_sentence
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import reason_words
 from lrm_ident.report.text.residuals import (
@@ -101,7 +101,6 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         "holds": valid_where(report),
         "hints": stated(report.hints, hint_sentence),
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": next_step(report),
     }
 
 

@@ -14,13 +14,13 @@ from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.step_card import AS_WELL, StepCard, of_data, rivals
 from lrm_ident.report.story import GEOMETRY, Story, StoryStep
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, labelled
 from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
@@ -53,7 +53,6 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     known = {} if found.diagnosis is None else found.diagnosis.values
     following = () if found.conclusion is None else found.conclusion.next
-    commands = [one for one in following if UNKNOWN_FILES.model not in one.command.split()]
     story, turns, lever = found.story, found.field.steps[-1].turns, found.field.lever
     shared = [one for one in found.covariates if one.kind not in LOCAL]
     left = [explained_by_means(turns, lever, one.values) for one in shared]
@@ -79,10 +78,14 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         # shown first: the chart that shows most of what the model leaves
         "fails": found.diagnosis is None or not Verdict(str(known["verdict"])).quiet,
         "where": {"joint": joint, "driver": variable_name(driver) if driver else ""},
-        "next": "" if commands else known.get("next_poses_hint", ""),
-        "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
+        "next": [[label, one.sentence, list(filter(_copied, one.commands))] for label, one in labelled(following)],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
+
+
+def _copied(command: str) -> bool:
+    """Whether a command is shown: not that of a button of the workbench, where the names of the files are not known."""
+    return not command.startswith("lrm-ident") or UNKNOWN_FILES.model not in command.split()
 
 
 def waterfall_values(story: Story) -> dict[str, Any]:
