@@ -204,7 +204,7 @@ def _conclusion(
     )
     steps = (
         NextStep("Add it and refit its joint", (f"lrm-ident motion add {files} {name} -o better.toml",)),
-        NextStep("Add all that is missing in one go", (f"lrm-ident motion auto {files} -o best.toml",), OR),
+        NextStep("Add all that is missing", (f"lrm-ident motion auto {files} -o best.toml",), OR),
     )
     return Conclusion(headline, facts, (), steps)
 

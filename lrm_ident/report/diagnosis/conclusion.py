@@ -57,7 +57,7 @@ class Conclusion:
         """The conclusion on a terminal."""
         why = section(LACKS[0].upper() + LACKS[1:], self.reasons[:REASONS_SHOWN])
         shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED)
-        steps = ["", heading("Next"), *next_blocks(self.next)] if self.next else []
+        steps = [heading("Next"), *next_blocks(self.next)] if self.next else []
         return [heading(self.headline), Facts(shown), *why, *steps]
 
     def as_json(self) -> dict[str, object]:

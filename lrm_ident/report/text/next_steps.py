@@ -81,7 +81,7 @@ def add_effect(names: CommandNames, effect: str, words: str, lead: str) -> NextS
 def add_all(names: CommandNames) -> NextStep:
     """How to add every effect that is missing."""
     auto = names.command("lrm-ident auto {model} {data} -o best.toml")
-    return NextStep("Add this and every further effect in one go", (auto,), OR)
+    return NextStep("Add all that is missing", (auto,), OR)
 
 
 def measure_more(names: CommandNames, what: str, options: str, lead: str = "", **more: str) -> NextStep:

@@ -191,4 +191,4 @@ def test_ctrl_c_skips_the_nested_cross_validation_alone(tmp_path: Path, monkeypa
     stdout_of("fit", data, "--arm", "lrm-lab", "-o", model)
     printed = stdout_of("auto", model, data, "-o", tmp_path / "best.toml", "--nested", "--max-effects", "1")
     assert "skipped by Ctrl-C" in printed
-    assert "Next: " in printed
+    assert "\nNext\n  1. " in printed
