@@ -12,7 +12,7 @@ NAMED = 2
 MORE_POSES = 40
 """Poses to measure where those there lack something."""
 OR, MEANWHILE, WITHOUT_POSES = "or", "meanwhile", "or, without new poses"
-FOR_THE_CAUSE, FOR_OTHERS, BY_HAND = "to learn the cause", "for programs that read a URDF", "to repair"
+FOR_THE_CAUSE, FOR_OTHERS, BY_HAND = "to learn the cause", "for a URDF", "to repair"
 """Leads of what may be done beside a step, or in its place."""
 CHECK_NOISE = (
     "Measure five poses twice or more (column repeat_of) and append the rows, or state the noise of the instrument "
@@ -122,7 +122,7 @@ def verify() -> NextStep:
 
 def export(names: CommandNames, lost: Sequence[str]) -> NextStep:
     """How other programs get the rigid part of the model. `lost`: effects that it then lacks, in plain words."""
-    without = f" and without {enumerate_words(list(lost), NAMED)}" if lost else ""
+    without = f" and {enumerate_words(list(lost), NAMED)}" if lost else ""
     words = f"Write the rigid part, without springs{without}"
     return NextStep(words, (names.command("lrm-ident arm export {model} -o arm.urdf"),), FOR_OTHERS)
 

@@ -35,7 +35,7 @@ DEPLOYED = [
     ("", "lrm deploy MODEL"),
     ("", "lrm-ident verify --tracker dtrack:5000 --goals 50"),
     ("or repair, though the model corrects it",),
-    ("for programs that read a URDF", "lrm-ident arm export MODEL -o arm.urdf"),
+    ("for a URDF", "lrm-ident arm export MODEL -o arm.urdf"),
 ]
 """Leads and commands where nothing is missing and the model corrects what it has."""
 
