@@ -17,6 +17,7 @@ from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.diagnosis.headline import MISSING
+from lrm_ident.report.diagnosis.standing import Standing
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.next_steps import OR, NextStep
@@ -26,6 +27,11 @@ from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import MotionEffect
 
 SHOWN, BAR, LISTED = 8, 24, 4
+STANDINGS = {
+    Support.SUPPORTED: Standing.PARTLY,
+    Support.IMPLAUSIBLE: Standing.REFUSED,
+    Support.NO_EVIDENCE: Standing.NOTHING,
+}
 UNDETERMINED = "not determined by these moves"
 UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "rad_per_s2": (180.0 / np.pi, "deg/s²"),
          "s": (1e3, "ms"), "Hz": (1.0, "Hz"), "ratio": (1.0, ""), "rad_per_rad": (100.0, "%"),
@@ -306,10 +312,8 @@ def _status(found: Sequence[JointScreening], one: MotionCandidate) -> str:
         share = 1.0 - ((one.held_out or 0.0) / own.before.held_out_rms) ** 2
         return f"best of its joint, explains {in_percent(share)} %"
     if one.effect.name in own.equivalent:
-        return "indistinguishable from it"
-    return {"supported": "explains part of it", "implausible": "implausible size", "no_evidence": "explains little"}[
-        one.verdict
-    ]
+        return Standing.LIKE
+    return STANDINGS[one.verdict]
 
 
 def _screening(found: Sequence[JointScreening], one: MotionCandidate) -> JointScreening:

@@ -9,7 +9,6 @@ from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, pos
 from lrm_ident.diagnosis.attribution import (
     attribution_of,
     explained_by_first,
-    term_of,
     unexplained_mean_square,
     unexplained_ratio,
 )
@@ -19,9 +18,9 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
-from lrm_ident.report.diagnosis.cause_facts import explains_part
 from lrm_ident.report.diagnosis.conclusion import Conclusion, conclude
 from lrm_ident.report.diagnosis.pose_facts import valid_where
+from lrm_ident.report.diagnosis.standing import standing_of
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.advice import advice_sentence
@@ -44,9 +43,7 @@ from lrm_math.effects import Effect, variants
 from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
-STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of several"}
 BAR = 16
-LIKE, CURVE = "indistinguishable", "smooth curve: fits any cause"
 HARDLY_SHOWS = "of typical size it would be too small to show in the remaining error"
 BLACK_BOX = "black-box model"
 MORAN = "spatial autocorrelation (Moran's I)"
@@ -120,31 +117,13 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
     others = [one for one in report.ranking if one.verdict == Support.NO_EVIDENCE]
     causes = [one for one in others if not one.effect.is_free_form]
     rows = []
-    for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]][:most]):
+    for advice in [*counted, *causes[:REFUSED_SHOWN]][:most]:
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
         bar = "█" * max(1, min(round(BAR * rms / before), BAR))
-        rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
+        rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, standing_of(report, advice)))
     if counted or report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         columns = ("candidate", "mm RMS|", f"bar: 0 to {in_mm(before)} mm", "status")
         yield ResultTable(columns, rows, "\nHeld-out error with each candidate added (≈: estimated without a refit)")
-
-
-def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
-    """Status of a candidate, in a few words."""
-    effect, first = advice.effect, report.first
-    beside = () if first is None else (first.name, *first.equivalent) if first.equivalent else ()
-    if advice.verdict != Support.NO_EVIDENCE:
-        attribution = attribution_of(report) if number == 0 else None
-        if attribution == Support.DESCRIPTION:
-            return term_of(attribution, ())
-        if effect.is_free_form and number:
-            return CURVE
-        if number or advice.equivalent:
-            return LIKE if advice.name in beside else STATUS[advice.verdict]
-        return term_of(attribution or Support.POSSIBLE_CAUSE, ())
-    if advice.scored.implausible:
-        return "implausible size"
-    return "explains part of it" if explains_part(advice.held_out_rms, report.held_out.rms) else "explains little"
 
 
 def _details(report: DiagnosisReport) -> list[Block]:
@@ -208,6 +187,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "effect": effect.id,
         "place": effect.place,
         "verdict": advice.verdict,
+        "standing": standing_of(report, advice),
         "held_out_rms_mm": advice.held_out_rms * 1e3,
         "approximate": not advice.exact,
         "gain_mm": (report.held_out.rms - advice.held_out_rms) * 1e3,

@@ -11,7 +11,7 @@ from lrm_ident.report.plain_names import place_in_words, plain_name, words_of
 from lrm_ident.report.text import next_steps as say
 from lrm_ident.report.text.advice import plan_options, provided_words
 from lrm_ident.report.text.next_steps import CommandNames, NextStep
-from lrm_math.effects import Effect, ModelPart, constant
+from lrm_math.effects import Effect, ModelPart
 from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 
@@ -76,8 +76,7 @@ def _of_a_model(assessment: Assessment, names: CommandNames) -> Iterator[NextSte
     if assessment.terms and not assessment.causes:
         yield say.no_repair_yet(list(dict.fromkeys(map(place_in_words, assessment.terms))))
     if assessment.report.verdict == Verdict.NOTHING_MISSING:
-        lost = [plain_name(name) for name, effect in assessment.causes.items() if not constant(effect)]
-        yield say.export(names, lost)
+        yield say.export(names)
 
 
 def _poses_that_distinguish(assessment: Assessment, names: CommandNames, lead: str = "") -> Iterator[NextStep]:

@@ -120,11 +120,9 @@ def verify() -> NextStep:
     return NextStep(words, ("lrm-ident verify --tracker dtrack:5000 --goals 50",))
 
 
-def export(names: CommandNames, lost: Sequence[str]) -> NextStep:
-    """How other programs get the rigid part of the model. `lost`: effects that it then lacks, in plain words."""
-    without = f" and {enumerate_words(list(lost), NAMED)}" if lost else ""
-    words = f"Write the rigid part, without springs{without}"
-    return NextStep(words, (names.command("lrm-ident arm export {model} -o arm.urdf"),), FOR_OTHERS)
+def export(names: CommandNames) -> NextStep:
+    """How other programs get the rigid part of the model; the command prints what it lacks."""
+    return NextStep("Write the rigid part", (names.command("lrm-ident arm export {model} -o arm.urdf"),), FOR_OTHERS)
 
 
 def repair(repairs: Mapping[str, str], why: str, either: bool) -> NextStep:

@@ -137,7 +137,7 @@ def error_raised_sentence(before: DeployedError, after: DeployedError) -> str:
     restarted = after.time_unknown or after.now
     if more := _more(before.time_unknown or before.now, restarted):
         unknown = "earlier moves" if after.state is not None and after.state.memory else "time since power-on"
-        return f"{more} after a restart of lrmd, which then does not know the {unknown}"
+        return f"{more} after a restart of the arm's daemon, which then does not know the {unknown}"
     return ""
 
 
@@ -148,8 +148,8 @@ def law_may_be_wrong_sentence(laws: Sequence[str]) -> str:
     """
     if not laws:
         return ""
-    said = enumerate_words(laws, NAMED)
-    return f"lrmd follows {said}. More than the noise is left, so the law may be wrong later or at another pace"
+    said = f"the arm's daemon follows {enumerate_words(laws, NAMED)}"
+    return f"{said}. More than the noise is left, so the law may be wrong later or at another pace"
 
 
 def _more(before: ErrorStats, after: ErrorStats) -> str:
