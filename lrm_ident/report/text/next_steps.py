@@ -24,8 +24,8 @@ CHECK_REPEATS = (
     "noise larger than stated"
 )
 FIT_ANEW = "lrm-ident fit {data} --arm {arm} -o new.toml", "lrm-ident diagnose new.toml {data}"
-OF_MEASURING = "Every measured position rests on this"
-MAY_CHANGE = "The model does not correct it on the arm, and it may change again"
+OF_MEASURING = "every measured position rests on it"
+MAY_CHANGE = "the model does not correct it, and it may change again"
 CORRECTED = "or repair, though the model corrects it"
 
 
@@ -132,12 +132,14 @@ def repair(repairs: Mapping[str, str], why: str, either: bool) -> NextStep:
         why: why it must be done; empty where the model corrects them, so that it need not.
         either: whether only one of them is there, and it is not known which.
     """
+    since, because = (f", since {why}", f": {why}") if why else ("", "")
     if either:
-        what = f"Find out which it is: {'; '.join(f'{name} ({words})' for name, words in repairs.items())}"
+        each = ", or ".join(f"{name} ({words})" for name, words in repairs.items())
+        words = f"Find out which it is{since}: {each}; then measure and fit again"
     else:
         what = "; ".join(dict.fromkeys(repairs.values()))
-    done = f"{what[0].upper()}{what[1:]}; then measure and fit again"
-    return NextStep(f"{done}. {why}") if why else NextStep(done, lead=CORRECTED)
+        words = f"{what[0].upper()}{what[1:]}, then measure and fit again{because}"
+    return NextStep(words, lead="" if why else CORRECTED)
 
 
 def no_repair_yet(places: Sequence[str] = ()) -> NextStep:

@@ -245,7 +245,12 @@ def test_every_verdict_has_a_headline_and_a_next_step(better_study: Study) -> No
 @pytest.mark.parametrize(
     ("name", "others", "first", "why"),
     [
-        ("depth_scale@frame", ("measurement_frame@frame",), "Find out which it is: tracker", "Every measured position"),
+        (
+            "depth_scale@frame",
+            ("measurement_frame@frame",),
+            "Find out which it is, since every measured position rests on it: tracker",
+            "",
+        ),
         ("change_point@joint3", (), "Find what moved or was pushed at joint 3", "it may change again"),
     ],
 )

@@ -35,7 +35,7 @@ function lrmSteps(page) {
   const code = (command) => lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${parts(word)}</span>`)}</code>`;
 
   // What to do next, in order: in words, and the commands to copy.
-  const following = (steps) => steps.length ? lrmHtml`<h3>Next</h3>${steps.map(([label, said, commands]) => lrmHtml`<div class="lrm-next-step"><b>${label}</b> ${said}${commands.map(code)}</div>`)}` : "";
+  const following = (steps) => steps.length ? lrmHtml`<b>Next</b> ${steps.map(([label, said, commands]) => lrmHtml`<div class="lrm-next-step"><b>${label}</b> ${said}${commands.map(code)}</div>`)}` : "";
 
   // Labelled facts of the verdict that is shown: how sure it is first, the others folded.
   function fillFacts(facts) {
