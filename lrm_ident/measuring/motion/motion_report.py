@@ -16,11 +16,11 @@ from lrm_ident.measuring.motion.moves import Moves
 from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import Conclusion
-from lrm_ident.report.diagnosis.headline import MISSING
 from lrm_ident.report.diagnosis.standing import Standing
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.next_steps import OR, NextStep
+from lrm_ident.report.text.verdicts import MISSING
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
 from lrm_math.effects.base import Parameter
 from lrm_math.effects.reference import ParameterRef

@@ -7,18 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from lrm_ident.data.wording import in_mm
-from lrm_ident.diagnosis.attribution import explained_by_first, unexplained_ratio
+from lrm_ident.diagnosis.attribution import explained_by_first
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.assessment import Assessment
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.text.variables import function_name, what_may_change
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
+from lrm_ident.report.text.verdicts import why_candidate
 from lrm_math.effects import variants
 
 LISTED = 4
-OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NOT_LASTING = frozenset({ReasonKind.NOT_BETTER_LATER, ReasonKind.WORSE_DEPLOYED})
@@ -29,7 +28,9 @@ def certainty(assessment: Assessment, cause: RankedCandidate) -> str:
     """How certain the cause is that is to be added, and what it may be in its place."""
     report, rivals = assessment.report, enumerate_effects(cause.equivalent, LISTED)
     if not assessment.identified:
-        why = why_candidate(report, cause.name, report.replicates, *(explained_by_first(report) or (0.0, 0.0)))
+        why = why_candidate(
+            report.replicates, cause.name in report.misspecified, *(explained_by_first(report) or (0.0, 0.0))
+        )
         return f"only a candidate cause: {why}.{f' These poses cannot distinguish it from {rivals}.' if rivals else ''}"
     if rivals:
         return f"it, or {rivals}: indistinguishable with these poses"
@@ -44,26 +45,6 @@ def indistinguishable_causes(assessment: Assessment) -> str:
     none = len(unsure) == 1 and advice is not None and advice.plan is not None and not advice.helps
     others = ", and with all others that were tried" if none else ""
     return f"{'; '.join(either)}: indistinguishable with these poses{others}" if unsure else ""
-
-
-def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explained: float, left: float) -> str:
-    """Why an effect is a candidate cause and no identified one.
-
-    Args:
-        replicates: whether both halves of the data choose it. explained, left: squared errors that it explains, and
-            that stay unexplained, in one unit.
-    """
-    if not replicates:
-        return "the two halves of the data do not agree on it"
-    if name in report.misspecified:
-        return OTHERWISE
-    if explained <= 0.0:
-        return "it does not lower the error of the tip, so the cause may be another"
-    ratio = unexplained_ratio(explained, left)
-    return (
-        f"{ratio:.1f} times the squared error that it explains stays unexplained (limit {MAX_UNEXPLAINED_RATIO:.2f}), "
-        "so the cause may be another"
-    )
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:

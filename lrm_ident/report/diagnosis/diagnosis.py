@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
-from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, poses_words
+from lrm_ident.data.wording import in_mm, named_joints, p_words, poses_words
 from lrm_ident.diagnosis.attribution import (
     attribution_of,
     explained_by_first,
     unexplained_mean_square,
     unexplained_ratio,
 )
-from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
@@ -29,6 +28,7 @@ from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import reason_words
 from lrm_ident.report.text.residuals import (
     hint_sentence,
+    noise_words,
     predictable_sentence,
     regime_sentence,
     regime_values,
@@ -38,8 +38,7 @@ from lrm_ident.report.text.variables import function_name, place_of
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_math.arm.place_names import place_words
-from lrm_math.arrays import Array
-from lrm_math.effects import Effect, variants
+from lrm_math.effects import Effect
 from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
@@ -214,26 +213,6 @@ def untestable(refused: Sequence[Refusal]) -> Iterator[str]:
         yield f"{name} at {', '.join(places)}: {why}"
 
 
-def explains_words(share: float, floor_known: bool) -> str:
-    """Share of the squared error that an effect explains."""
-    return f"explains {in_percent(share)} % of the squared error{' above the noise' if floor_known else ''}"
-
-
-def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
-    """Reason why an effect that predicts better identifies no new cause; arguments as of `why_no_cause`."""
-    forms = variants(effect)
-    match why_no_cause(effect, q, present):
-        case NoCause.OTHER_FORM:
-            there = (plain_name(name) for name in forms if name in present)
-            return f"another formula for {' and '.join(there)}, no new cause"
-        case NoCause.FREE_FORM:
-            return f"an empirical term that may stand for {' or '.join(map(plain_name, forms))}"
-        case NoCause.FEW_ANGLES:
-            return "an empirical term: with so few angles any function of that joint's angle fits as well"
-        case NoCause.LITTLE:
-            return "an empirical term: it explains too little to be called a cause"
-
-
 def left_values(left: ResidualPatterns) -> dict[str, object]:
     """The entries `nameless`, `noise_bound_rms_mm` and `regimes` of a diagnosis."""
     return {
@@ -241,15 +220,3 @@ def left_values(left: ResidualPatterns) -> dict[str, object]:
         "noise_bound_rms_mm": left.predictable.noise_bound * 1e3,
         "regimes": list(map(regime_values, left.regimes)),
     }
-
-
-def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> str:
-    """The noise floor, or its upper bound where it is not known."""
-    if floor_mm is None:
-        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
-        return (
-            f"not known ({most}: a black-box model predicts the rest)"
-            if left.predictable.more_to_find
-            else f"not known ({most})"
-        )
-    return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

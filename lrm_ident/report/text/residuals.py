@@ -15,6 +15,7 @@ from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
 from lrm_ident.residual.picture.error_field import ArrowScale
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.regime import UNITS, Regime
+from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
 from lrm_math.arm.place_names import place_words
 from lrm_math.effects.tracker_errors import FRAME_TYPICAL
@@ -184,3 +185,15 @@ def arrows_caption(scale: ArrowScale) -> str:
     """Caption of a picture of the errors."""
     arrows = f"Arrows: measured minus predicted, {scale.magnification:g} times enlarged"
     return f"Dots: measured positions of the tip. {arrows}; colours and lengths mean the same in all steps."
+
+
+def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> str:
+    """The noise floor, or its upper bound where it is not known."""
+    if floor_mm is None:
+        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
+        return (
+            f"not known ({most}: a black-box model predicts the rest)"
+            if left.predictable.more_to_find
+            else f"not known ({most})"
+        )
+    return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

@@ -17,12 +17,12 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.diagnosis.headline import HEADLINES
 from lrm_ident.report.diagnosis.pose_facts import valid_where
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.plots.interactive.values import figure_values
 from lrm_ident.report.text.next_steps import CommandNames, labelled
+from lrm_ident.report.text.verdicts import HEADLINES
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
