@@ -52,6 +52,7 @@ def test_the_command_that_a_fit_advises_runs_as_it_is_printed(tmp_path: Path) ->
     assert f"\nNext: lrm-ident diagnose '{model}' '{data}'\n" in printed
 
 
+@pytest.mark.long
 def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
     tables = tomllib.loads((folder / "model.toml").read_text())
     assert tables["schema"] == "lrm/model/2"
