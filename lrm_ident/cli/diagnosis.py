@@ -37,7 +37,6 @@ from lrm_ident.fitting.priors import load_rates
 from lrm_ident.fitting.progress import TimeOfParts
 from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.diagnosis.next_steps import CommandNames
 from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.document import write
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
@@ -45,6 +44,7 @@ from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.report.step_card import of_data
 from lrm_ident.report.story import story_of_file
+from lrm_ident.report.text.next_steps import CommandNames
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.field_step import NoBetterPrediction

@@ -33,7 +33,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.effects import effect_blocks, listed
-from lrm_ident.report.fit import DIAGNOSE_WILL, comparison_document, fit_document
+from lrm_ident.report.fit import comparison_document, diagnose_next, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
 from lrm_ident.report.text.notices import fit_words
@@ -125,7 +125,7 @@ def fit(
     publish(document, json, in_full=show_all)
     show("Not saved; give -o MODEL to keep it." if output is None else f"Model written to {output}")
     if output is not None:
-        show(f"\nNext: lrm-ident diagnose {output} {data}\n      {DIAGNOSE_WILL}")
+        show(*diagnose_next([str(output), str(data)]))
 
 
 @command

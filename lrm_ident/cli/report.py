@@ -13,11 +13,11 @@ from lrm_ident.cli.command import command, command_of
 from lrm_ident.cli.common import identifiable, opened, publish, read_model, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.fitting.effect_plugins import catalogue_with
-from lrm_ident.report.diagnosis.next_steps import CommandNames
 from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import story_of_file
 from lrm_ident.report.summary import summary_document
+from lrm_ident.report.text.next_steps import CommandNames
 from lrm_ident.workbench.html_report import html_report
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading

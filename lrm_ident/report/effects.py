@@ -69,7 +69,7 @@ def _on_rover(effects: Sequence[Effect]) -> Iterator[str]:
         places.setdefault(on_rover(effect), []).append(effect.place)
     for treatment, at in places.items():
         where = "" if len(places) == 1 else f" at {', '.join(at)}"
-        yield f"    on the rover{where}: {ON_ROVER[treatment]}"
+        yield f"    on the arm{where}: {ON_ROVER[treatment]}"
 
 
 def _acts_on(effect: Effect) -> str:

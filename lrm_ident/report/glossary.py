@@ -32,9 +32,9 @@ TERMS = tuple(
 )
 """In the order of the alphabet."""
 ON_PAGE = (
-    "as deployed", "black-box model", "candidate cause", "empirical term", "geometry and springs", "held-out",
-    "held out", "identified cause", "indistinguishable cause", "measurement noise", "Moran's I", "nested", "RMS",
-    "smooth curve", "spline", "turn of joint", "usual load",
+    "as deployed", "black-box model", "candidate cause", "empirical term", "held-out", "held out", "identified cause",
+    "indistinguishable cause", "lengths, angles and stiffness fitted", "measurement noise", "Moran's I", "nested",
+    "RMS", "smooth curve", "spline", "turn of joint", "usual load",
 )  # fmt: skip
 """Words that page and report explain where they first stand."""
 

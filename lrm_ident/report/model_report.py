@@ -17,13 +17,13 @@ from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.report.diagnosis.conclusion import LACKS, Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import StepCard, of_data, step_cards
 from lrm_ident.report.story import Kind, Story, story_of
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.notices import prior_words
 from lrm_ident.report.text.residuals import where
 from lrm_ident.residual.better_prediction import takes_little

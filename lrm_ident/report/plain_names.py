@@ -9,9 +9,8 @@ from pathlib import Path
 
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.place_names import place_words
-from lrm_math.effects import CATALOGUE, Effect, EffectRef, ParameterRef, marked
+from lrm_math.effects import EffectRef, ParameterRef, marked
 from lrm_math.effects.session_errors import session_words
-from lrm_math.model.deployed_model import CORRECTED, on_rover
 from lrm_math.model.step_name import StepName
 
 WORDS: Mapping[str, Mapping[str, str]] = tomllib.loads(
@@ -20,7 +19,6 @@ WORDS: Mapping[str, Mapping[str, str]] = tomllib.loads(
 """What people read of each effect by its id: `name`, and where there is one `repair` and `sketch`."""
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
-AFTER_REPAIR = ", then measure and fit again"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 
 
@@ -44,20 +42,6 @@ def enumerate_effects(names: Iterable[str], most: int) -> str:
 def words_of(name: str, what: str) -> str:
     """One of the `WORDS` of the effect `id@place`; "" where it has none."""
     return WORDS.get(EffectRef.parse(name).id, {}).get(what, "")
-
-
-def repair_advice(*effects: Effect) -> str:
-    """What to repair and to do then, or that the model corrects it; "" where nothing is known to do."""
-    known = [(effect, words_of(effect.name, "repair")) for effect in effects if type(effect) in CATALOGUE]
-    repairs = [
-        (on_rover(effect) in CORRECTED, words.format(place=place_in_words(effect.name)))
-        for effect, words in known
-        if words
-    ]
-    corrected, others = ([words for can, words in repairs if can == wanted] for wanted in (True, False))
-    each = "them" if len(corrected) > 1 else "it"
-    choice = [f"{'; '.join(corrected)}{AFTER_REPAIR} (or leave {each}: the model corrects {each})"] if corrected else []
-    return "; ".join([*choice, *others]) + ("" if choice or not others else AFTER_REPAIR)
 
 
 def place_in_words(name: str) -> str:

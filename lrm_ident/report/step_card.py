@@ -97,7 +97,7 @@ def step_cards(
             title=_capital(step_title(entry.name)),
             adds=bool(entry.name.added),
             claim=_claim(added, plain, turns) or _left_out(entry, file.history[number - 1]),
-            estimate=next(iter(plain.values()), "") + turned(bool(turns)) if free == 1 else "",
+            estimate=_size(added[0], plain) + turned(bool(turns)) if free == 1 and plain else "",
             estimates=tuple(f"{one.symbol} = {words}" for one, words in numbers.items()),
             joint=joint,
             driver=driver,
@@ -132,6 +132,12 @@ def _estimates(effect: Effect, entry: HistoryTable, turns: Mapping[str, float]) 
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
         if key in entry.parameters
     }
+
+
+def _size(effect: Effect, numbers: Mapping[Parameter, str]) -> str:
+    """The first number of an effect, its sign in words."""
+    parameter, words = next(iter(numbers.items()))
+    return effect.about.sized(parameter.name, words)
 
 
 def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str], turns: Mapping[str, float]) -> str:

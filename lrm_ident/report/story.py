@@ -23,7 +23,7 @@ Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
 WITHOUT_EFFECT = ("nominal", "fit")
 """What adds no effect: the nominal arm, the first fit, and later ones without outliers or with a prior."""
-GEOMETRY = "geometry and springs"
+GEOMETRY = "lengths, angles and stiffness fitted"
 NESTED = "nested, effects chosen anew"
 NOISE, NOISE_AT_MOST = "measurement noise", "measurement noise, at most"
 BAR_WIDTH = 8

@@ -173,6 +173,11 @@ class Description:
         """Names in braces in the claim: parameters, whose estimates it states, and the place."""
         return frozenset(name for _, name, *_ in Formatter().parse(self.claim) if name)
 
+    def sized(self, name: str, estimate: str) -> str:
+        """An estimate with its sign in the words of the claim; where that has none for it, the size alone."""
+        signs = (spec for _, field, spec, _ in Formatter().parse(self.claim) if field == name and spec)
+        return format(_Estimate(estimate), next(signs, "|"))
+
     def claimed_with(self, place: str, estimates: Mapping[str, str]) -> str:
         """The claim about a place, with the estimates in words by the names of their parameters."""
         return self.claim.format(place=place, **{name: _Estimate(words) for name, words in estimates.items()})

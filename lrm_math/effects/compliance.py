@@ -276,7 +276,8 @@ class NonlinearStiffness(LoadedJointEffect, LinearEffect):
         cause="Gears and plastic under a joint are softer at first and stiffen as they are loaded, or the reverse.",
         formula="δq = c2 τ|τ| + c3 τ³ within the measured torque",
         source="series in the torque; the linear term is the effect compliance",
-        claim="the spring of {place} is not linear: {c2_rad_per_Nm2}, {c3_rad_per_Nm3}",
+        claim="the spring of {place} is not linear: {c2_rad_per_Nm2:softer|stiffer}, {c3_rad_per_Nm3:softer|stiffer} "
+        "under load",
         needs="torques of several sizes, best with several loads",
     )
     depends_on = ()

@@ -27,7 +27,7 @@ from lrm_math.kinematics.poses import Poses
 AXES = "xyz"
 LEAN = 0.03  # rad: how far a table, a floor or a rover is out of level
 CENTRE_OF_MASS = tuple(Parameter(f"com_{axis}_mm", f"error of its centre of mass along {axis}", 0.01) for axis in "xyz")
-CENTRE_CLAIM = "its centre lies {com_x_mm}, {com_y_mm}, {com_z_mm} further along x, y, z"
+CENTRE_CLAIM = "its centre is off by {com_x_mm:along|against} x, {com_y_mm:along|against} y, {com_z_mm:along|against} z"
 
 
 class CableSpring(AngleDependentEffect, LinearEffect):

@@ -103,8 +103,8 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         formula="δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2",
         source="Fourier series of a periodic error of the joint",
         claim=(
-            "{place} turns unevenly: sine {a1_rad} and cosine {b1_rad} once a turn, sine {a2_rad} and cosine {b2_rad} "
-            "twice"
+            "{place} turns unevenly: sine {a1_rad:|} and cosine {b1_rad:|} once a turn, "
+            "sine {a2_rad:|} and cosine {b2_rad:|} twice"
         ),
         needs="seven or more angles of the joint",
     )
@@ -130,7 +130,7 @@ class TransmissionRipple(AngleDependentEffect):
         cause="Teeth that mesh, or a flexspline that is not round, add a wave that repeats many times a turn.",
         formula="δq = a sin nq + b (cos nq − 1), n cycles a turn: teeth, or twice the ratio of a harmonic drive",
         source="transmission error (Tuttle & Seering 1996); n by a periodogram (Lomb 1976, Scargle 1982)",
-        claim="{place} ripples {n_per_turn} times a turn, by {a_rad} and {b_rad}",
+        claim="{place} ripples {n_per_turn} times a turn, by {a_rad:|} (sine) and {b_rad:|} (cosine)",
         needs="poses at many different angles of the joint",
     )
     extrapolation = Extrapolation.PERIODIC

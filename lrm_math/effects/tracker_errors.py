@@ -56,7 +56,10 @@ class MeasurementFrame(LinearEffect):
         cause="The tracker's calibration stretches or shears space.",
         formula="x_seen = x + (symmetric matrix of scale and shear) (x - centre of the measured points)",
         source="linear map of the tracker's frame",
-        claim="the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}",
+        claim=(
+            "the tracker measures lengths {scale_x_mm_per_m:too long|too short} along x, "
+            "{scale_y_mm_per_m:too long|too short} along y, {scale_z_mm_per_m:too long|too short} along z"
+        ),
     )
     parameters = (
         *(_distortion(f"scale_{axis}", f"stretch along {axis}") for axis in "xyz"),
@@ -86,7 +89,10 @@ class DepthScale(Effect):
         cause="The tracker's depth is wrong: a camera's focal length, its base line or the printed size of its target.",
         formula="x_seen = x + s (n · (x - centre of the measured points)) n, n = (ce ca, ce sa, se)",
         source="depth, the least certain direction of triangulation (Matthies & Shafer 1987)",
-        claim="the tracker stretches by {scale_mm_per_m} along {azimuth_rad} about z, {elevation_rad} up",
+        claim=(
+            "the tracker measures lengths {scale_mm_per_m:too long|too short} along the direction "
+            "{azimuth_rad:towards y|away from y} and {elevation_rad:up|down} from x"
+        ),
     )
     parameters = (
         _distortion("scale", "stretch along the direction"),
@@ -157,7 +163,8 @@ class Anchor(LinearEffect):
         cause="The fixed end of the string or ball bar is not where it was said to be, or was never measured.",
         formula="distance = |TCP - (stated point + x, y, z)|; without a stated point, x, y, z are its coordinates",
         source="telescoping ball bar: Goswami, Quaid & Peshkin 1993; single wire draw: Driels & Swayze 1994",
-        claim="the distances start {x_mm}, {y_mm}, {z_mm} from the stated point",
+        claim="the distances start {x_mm:along|against} x, {y_mm:along|against} y, {z_mm:along|against} z from "
+        "the stated point",
         needs="distances from a fixed point (distance_mm)",
     )
     depends_on = ("instrument",)
@@ -191,7 +198,8 @@ class TouchedPoint(Effect):
         cause="Where the touched point stood is not known; it is identified together with the arm.",
         formula="x_seen = x + (x, y, z), at the poses that touched it",
         source="calibration by a point constraint: Meggiolaro, Scriffignano & Dubowsky 2000",
-        claim="what was touched stood {x_mm}, {y_mm}, {z_mm} from where the arm as drawn touches it",
+        claim="what was touched stood {x_mm:along|against} x, {y_mm:along|against} y, {z_mm:along|against} z from "
+        "where the arm as drawn touches it",
         needs="touched points (columns point, placement)",
     )
     targets: ClassVar[tuple[str, ...]] = SHIFTS
@@ -230,7 +238,8 @@ class TouchedBoard(TouchedPoint):
         cause="Where the board with the touched points stood is not known; it is identified together with the arm.",
         formula="x_seen = Rx(alpha) Ry(beta) Rz(gamma) x + (x, y, z), at the poses that touched it",
         source="calibration by touched points of known distances: Ikits & Hollerbach 1997",
-        claim="the board stood {x_mm}, {y_mm}, {z_mm} from where the arm as drawn touches it",
+        claim="the board stood {x_mm:along|against} x, {y_mm:along|against} y, {z_mm:along|against} z from "
+        "where the arm as drawn touches it",
         needs="touched points (columns point, placement) of known distances ([points] or [distances])",
     )
     targets: ClassVar[tuple[str, ...]] = (*SHIFTS, *(f"{FRAME}{row}{column}" for row in "xyz" for column in "xyz"))

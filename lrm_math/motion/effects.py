@@ -50,7 +50,7 @@ class RestOffset(MotionEffect):
         cause="Command and encoder count from zeros that differ a little.",
         formula="reading = q + b",
         source="calibration of leader and follower",
-        claim="{place} reads {b_rad} beside its command",
+        claim="{place} reads {b_rad:above|below} its command",
     )
     parameters = (Parameter("b_rad", "reading less angle", 0.02, -0.5, 0.5, scan=(0.0,)),)
 
@@ -188,7 +188,7 @@ class MotionGain(MotionEffect):
         cause="Command and encoder have different scales.",
         formula="u = (1 + g) command",
         source="calibration of leader and follower",
-        claim="{place} turns by {g_rad_per_rad} more than told",
+        claim="{place} turns {g_rad_per_rad:more|less} than told",
     )
     parameters = (Parameter("g_rad_per_rad", "relative error", 0.02, -0.5, 0.5, scan=(-0.02, 0.02)),)
 

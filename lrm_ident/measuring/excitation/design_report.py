@@ -10,8 +10,8 @@ import numpy as np
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.measuring.excitation.motion_design import MotionDesign, MotionDesignTask
 from lrm_ident.report.diagnosis.conclusion import Conclusion
-from lrm_ident.report.diagnosis.next_steps import NextStep
 from lrm_ident.report.document import Document, ResultTable
+from lrm_ident.report.text.next_steps import NextStep
 
 LISTED = 4
 
@@ -42,8 +42,8 @@ def motion_design_document(task: MotionDesignTask, found: MotionDesign, output: 
     )
     steps = (
         NextStep(
-            "Keep the way free, make the moves, and record them.",
-            f"lrm-ident motion play {shlex.quote(output)} --robot ROBOT" + ("" if task.by_tip else " -o RECORDING.csv"),
+            "Keep the way free, make the moves, and record them",
+            (f"lrm-ident motion play {shlex.quote(output)} --robot ROBOT{'' if task.by_tip else ' -o RECORDING.csv'}",),
         ),
     )
     concluded = Conclusion(headline, tuple(facts), (), steps)

@@ -17,16 +17,22 @@ from lrm_ident.measuring.motion.moves import Moves
 from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import Conclusion
-from lrm_ident.report.diagnosis.headline import MISSING
-from lrm_ident.report.diagnosis.next_steps import NextStep
+from lrm_ident.report.diagnosis.standing import Standing
 from lrm_ident.report.document import Block, Document, ResultTable, room_below, section
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.text.next_steps import OR, NextStep
+from lrm_ident.report.text.verdicts import MISSING
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
 from lrm_math.effects.base import Parameter
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import MotionEffect
 
 SHOWN, FEWEST, BAR, LISTED = 8, 2, 12, 4
+STANDINGS = {
+    Support.SUPPORTED: Standing.PARTLY,
+    Support.IMPLAUSIBLE: Standing.REFUSED,
+    Support.NO_EVIDENCE: Standing.NOTHING,
+}
 UNDETERMINED = "not determined by these moves"
 UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "rad_per_s2": (180.0 / np.pi, "deg/s²"),
          "s": (1e3, "ms"), "Hz": (1.0, "Hz"), "ratio": (1.0, ""), "rad_per_rad": (100.0, "%"),
@@ -127,7 +133,7 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
     ]
     if ratio > FLOOR_RATIO:
         facts.append(("unexplained", f"the worst joint is {ratio:.1f} times as far off as the noise of a reading"))
-    concluded = Conclusion(headline, tuple(facts), (), (NextStep("Look where it still fails.", _compare(output)),))
+    concluded = Conclusion(headline, tuple(facts), (), (NextStep("Look where it still fails", (_compare(output),)),))
     table = ResultTable(
         ("effect", "size", f"without it, {unit} RMS|", "what it is"),
         [
@@ -171,10 +177,10 @@ def _conclusion(
         )
         if not left:
             words = "No missing effect found: the remaining error is about the noise of a reading."
-            return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model."),))
+            return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model"),))
         worst = max(left, key=lambda one: one.before.held_out_rms / one.noise)
         words = f"{worst.before.effects[0].place}, {worst.before.held_out_rms / worst.noise:.1f} times its noise"
-        where = NextStep("See where it fails.", f"lrm-ident motion compare {files}")
+        where = NextStep("See where it fails", (f"lrm-ident motion compare {files}",))
         headline = "No cause identified. The error is systematic, but no known effect explains it."
         return Conclusion(headline, (*facts, ("worst", words)), (), (where,))
     name, alike = first.effect.name, [plain_name(one) for one in best.equivalent]
@@ -208,11 +214,8 @@ def _conclusion(
         ("certainty", certainty),
     )
     steps = (
-        NextStep("Adds this effect and refits its joint.", f"lrm-ident motion add {files} {name} -o better.toml"),
-        NextStep(
-            "To get there in one go: adds effects at every joint until none is missing.",
-            f"lrm-ident motion auto {files} -o best.toml",
-        ),
+        NextStep("Add it and refit its joint", (f"lrm-ident motion add {files} {name} -o better.toml",)),
+        NextStep("Add all that is missing", (f"lrm-ident motion auto {files} -o best.toml",), OR),
     )
     return Conclusion(headline, facts, (), steps)
 
@@ -314,10 +317,8 @@ def _status(found: Sequence[JointScreening], one: MotionCandidate) -> str:
         share = 1.0 - ((one.held_out or 0.0) / own.before.held_out_rms) ** 2
         return f"explains {in_percent(share)} %"
     if one.effect.name in own.equivalent:
-        return "indistinguishable"
-    return {"supported": "explains part of it", "implausible": "implausible size", "no_evidence": "explains little"}[
-        one.verdict
-    ]
+        return Standing.LIKE
+    return STANDINGS[one.verdict]
 
 
 def _screening(found: Sequence[JointScreening], one: MotionCandidate) -> JointScreening:

@@ -24,7 +24,7 @@ BY_ORDER = frozenset({"time", "session"})
 def causes_of(assessment: Assessment) -> Sequence[str]:
     """Candidate causes (`effect@place`) that poses to be measured could distinguish; the effect to add is the first, or
     the first of the model that may be another one."""
-    effects, first = _effects_of(assessment.report), assessment.first
+    effects, first = effects_of(assessment.report), assessment.first
     if first is None:
         name, others = next(iter(assessment.unsure.items()), ("", ())) if assessment.quiet else ("", ())
         names = [one for one in (name, *others) if one in effects]
@@ -41,7 +41,7 @@ def _by_poses(effect: Effect) -> bool:
     return effect.remembers or BY_ORDER.isdisjoint(effect.depends_on)
 
 
-def _effects_of(report: DiagnosisReport) -> dict[str, Effect]:
+def effects_of(report: DiagnosisReport) -> dict[str, Effect]:
     """The effects that were screened or are in the model, by their names."""
     screened = {one.name: one.candidate.effect for one in report.diagnosis.scored}
     return screened | {effect.name: effect for effect in report.diagnosis.fit.model.effects}
@@ -56,7 +56,7 @@ def advice_of(report: DiagnosisReport) -> Advice | None:
     diagnosis = report.diagnosis
     measured, first = diagnosis.screening.subset[1].poses, report.first
     if first is None:
-        present, *rivals = (_effects_of(report)[name] for name in names)
+        present, *rivals = (effects_of(report)[name] for name in names)
         return advise_beside(diagnosis.fit.model, present, rivals, measured, _noise(diagnosis, diagnosis.fit))
     scored = {one.name: one.scored for one in report.ranking}
     to_explain = float(np.linalg.norm(first.scored.added))

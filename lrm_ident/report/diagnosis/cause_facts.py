@@ -1,33 +1,23 @@
-"""Facts on the cause: how certain it is, what else it could be, and what to repair."""
+"""Facts on the cause: how certain it is, and what else it could be."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from lrm_ident.data.wording import enumerate_words, in_mm
-from lrm_ident.diagnosis.attribution import explained_by_first, unexplained_ratio
+from lrm_ident.data.wording import in_mm
+from lrm_ident.diagnosis.attribution import explained_by_first
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.reason import ReasonKind
 from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.assessment import Assessment
-from lrm_ident.report.plain_names import (
-    enumerate_effects,
-    place_in_words,
-    plain_name,
-    repair_advice,
-    with_id,
-    words_of,
-)
+from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.text.variables import function_name, what_may_change
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
+from lrm_ident.report.text.verdicts import why_candidate
 from lrm_math.effects import variants
 
 LISTED = 4
-NOT_YET = "nothing yet: the cause is not certain"
-"""What to repair while the cause is not sure; the next step on a terminal says as much."""
-OTHERWISE = "what it follows also moves the arm elsewhere, or otherwise at other angles, so the cause may be another"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 NOT_LASTING = frozenset({ReasonKind.NOT_BETTER_LATER, ReasonKind.WORSE_DEPLOYED})
@@ -38,7 +28,9 @@ def certainty(assessment: Assessment, cause: RankedCandidate) -> str:
     """How certain the cause is that is to be added, and what it may be in its place."""
     report, rivals = assessment.report, enumerate_effects(cause.equivalent, LISTED)
     if not assessment.identified:
-        why = why_candidate(report, cause.name, report.replicates, *(explained_by_first(report) or (0.0, 0.0)))
+        explained, left = explained_by_first(report) or (0.0, 0.0)
+        known = report.diagnosis.floor.rms is not None
+        why = why_candidate(report.replicates, cause.name in report.misspecified, explained, left, known)
         return f"only a candidate cause: {why}.{f' These poses cannot distinguish it from {rivals}.' if rivals else ''}"
     if rivals:
         return f"it, or {rivals}: indistinguishable with these poses"
@@ -53,27 +45,6 @@ def indistinguishable_causes(assessment: Assessment) -> str:
     none = len(unsure) == 1 and advice is not None and advice.plan is not None and not advice.helps
     others = ", and with all others that were tried" if none else ""
     return f"{'; '.join(either)}: indistinguishable with these poses{others}" if unsure else ""
-
-
-def why_candidate(report: DiagnosisReport, name: str, replicates: bool, explained: float, left: float) -> str:
-    """Why an effect is a candidate cause and no identified one.
-
-    Args:
-        replicates: whether both halves of the data choose it. explained, left: squared errors that it explains, and
-            that stay unexplained, in one unit.
-    """
-    if not replicates:
-        return "the two halves of the data do not agree on it"
-    if name in report.misspecified:
-        return OTHERWISE
-    if explained <= 0.0:
-        return "it does not lower the error of the tip, so the cause may be another"
-    ratio, limit = unexplained_ratio(explained, left), f"(limit {MAX_UNEXPLAINED_RATIO:.2f})"
-    if report.diagnosis.floor.rms is None:
-        stays = f"may stay unexplained {limit}, as the noise is not known"
-    else:
-        stays = f"stays unexplained {limit}, so the cause may be another"
-    return f"{ratio:.1f} times the squared error that it explains {stays}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -132,33 +103,3 @@ def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
 def explains_part(left: float, before: float) -> bool:
     """Whether an effect or a function that leaves one held-out RMS of another explains enough to be worth a word."""
     return 1.0 - (left / before) ** 2 >= PART
-
-
-def repair(assessment: Assessment) -> str:
-    """What to do with one's hands: about the identified cause, or about those that the model has already."""
-    if assessment.quiet:
-        return _repair_of_model(assessment)
-    if assessment.cause is None or not assessment.identified:
-        return NOT_YET
-    cause = assessment.cause
-    return _repair_of_either((cause.name, *cause.equivalent)) if cause.equivalent else repair_advice(cause.effect)
-
-
-def _repair_of_model(assessment: Assessment) -> str:
-    """The same about the causes that the model has already; without one, where its empirical terms act."""
-    certain = [effect for name, effect in assessment.causes.items() if name not in assessment.unsure]
-    if assessment.terms and not assessment.causes:
-        places = dict.fromkeys(map(place_in_words, assessment.terms))
-        return f"{NOT_YET}; look there first: {enumerate_words(list(places), LISTED)}"
-    if assessment.causes and not certain:
-        return _repair_of_either(next((name, *others) for name, others in assessment.unsure.items()))
-    return repair_advice(*certain[:LISTED])
-
-
-def _repair_of_either(names: Sequence[str]) -> str:
-    """What to do with one's hands about each of several causes, of which one is there."""
-    repairs = (
-        (plain_name(name), words_of(name, "repair").format(place=place_in_words(name))) for name in names[:LISTED]
-    )
-    either = "; ".join(f"if {name}: {repair}" for name, repair in repairs if repair)
-    return f"not yet known which: {either}" if either else NOT_YET

@@ -5,7 +5,7 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from lrm_ident.data.wording import arrow
@@ -13,22 +13,16 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.assessment import Assessment
-from lrm_ident.report.diagnosis.cause_facts import (
-    NOT_YET,
-    acts_most_like,
-    certainty,
-    indistinguishable_causes,
-    repair,
-    stands_for,
-)
+from lrm_ident.report.diagnosis.cause_facts import acts_most_like, certainty, indistinguishable_causes, stands_for
 from lrm_ident.report.diagnosis.error_facts import bounds_noise, deployed_error, held_out_error, may_hide, rounding
 from lrm_ident.report.diagnosis.headline import headline
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames, NextStep, next_steps
+from lrm_ident.report.diagnosis.next_steps import next_steps
 from lrm_ident.report.diagnosis.pose_facts import far_poses, left_out, not_tested, order, valid_where
-from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
+from lrm_ident.report.document import COLUMNS, Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.text.advice import hopeless_words
 from lrm_ident.report.text.claims import claim_sentence
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames, NextStep, labelled
 from lrm_ident.report.text.poses import limitation_sentence, where_measured
 from lrm_ident.report.text.residuals import predictable_brief, regime_brief, scale_sentence, shifted_sentence
 from lrm_ident.residual.data_audit import LimitationKind
@@ -37,7 +31,7 @@ from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 LISTED, IN_HEADLINE, REASONS, REASONS_SHOWN = 4, 2, 3, 2
 LACKS = "what these poses lack"
 FIRST = (
-    "estimate", "as deployed", "add as well", "certainty", "repair", "empirical term", "could be", "acts most like",
+    "estimate", "as deployed", "add as well", "certainty", "empirical term", "could be", "acts most like",
     "in the model", "chosen again", LACKS,
 )  # fmt: skip
 """Facts that page and report show before the others are unfolded."""
@@ -61,17 +55,10 @@ class Conclusion:
 
     def blocks(self) -> list[Block]:
         """The conclusion on a terminal."""
-        steps: list[Block] = [""]
-        for number, step in enumerate(self.next):
-            lead = "Next: " if number == 0 else f"  {step.lead}: "
-            if step.command:
-                then = [CommandLine(f"      Then: {step.then}")] if step.then else []
-                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
-            else:
-                steps.append(f"{lead}{step.words}")
         why = section(LACKS[0].upper() + LACKS[1:], self.reasons[:REASONS_SHOWN])
-        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED and fact[1] != NOT_YET)
-        return [heading(self.headline), Facts(shown), *why, *(steps if self.next else ())]
+        shown = tuple(fact for fact in self.facts if fact[0] not in FOLDED)
+        steps = [heading("Next"), *next_blocks(self.next)] if self.next else []
+        return [heading(self.headline), Facts(shown), *why, *steps]
 
     def as_json(self) -> dict[str, object]:
         """The table `conclusion`."""
@@ -79,8 +66,20 @@ class Conclusion:
             "headline": self.headline,
             "facts": dict(self.facts),
             "reasons": self.reasons,
-            "next": [{"do": one.words, "command": one.command or None, "then": one.then or None} for one in self.next],
+            "next": [
+                {"label": label, "do": step.words, "commands": step.commands} for label, step in labelled(self.next)
+            ],
         }
+
+
+def next_blocks(steps: Sequence[NextStep]) -> Iterator[Block]:
+    """Steps on a terminal; a single command that fits stands in the line of its words."""
+    for label, step in labelled(steps):
+        words, commands = f"  {label} {step.sentence}", step.commands
+        if commands and len(together := f"{words} {commands[0]}") <= COLUMNS and len(commands) == 1:
+            words, commands = together, ()
+        yield words
+        yield from (CommandLine(f"     {command}") for command in commands)
 
 
 def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
@@ -139,7 +138,6 @@ def _facts(assessment: Assessment) -> Iterator[tuple[str, str]]:
     yield "left out", left_out(report.diagnosis)
     if assessment.quiet and len(assessment.causes) > IN_HEADLINE:
         yield "in the model", enumerate_effects(assessment.causes, LISTED)
-    yield "repair", repair(assessment)
     yield "rounding", rounding(report)
     if assessment.quiet:
         yield "hidden at most", may_hide(report)

@@ -17,16 +17,15 @@ from lrm_ident.diagnosis.candidate_trial import objection_to_estimates, objectio
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.diagnosis.step import Step
-from lrm_ident.report.diagnosis.cause_facts import why_candidate
 from lrm_ident.report.diagnosis.conclusion import conclude
-from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.effects import WHAT_A_FIELD_IS
 from lrm_ident.report.fit import diagnose_next, error_blocks, error_values, parameter_table
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.story import ANEW, Story, at_poses
 from lrm_ident.report.text.claims import chosen_again, empirical_words, in_words, stated
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.reasons import no_law_words, reason_words
 from lrm_ident.report.text.residuals import (
     WHY_OFF,
@@ -35,6 +34,7 @@ from lrm_ident.report.text.residuals import (
     other_outliers_sentence,
     scale_sentence,
 )
+from lrm_ident.report.text.verdicts import explains_words, no_cause, why_candidate
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.noise_floor import noise_floor
@@ -277,9 +277,10 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
         yield heading(f"Indistinguishable with these poses: {with_id(step.added)}, or {others}")
     if steps and not found and not several:
         yield heading("No cause is certain. What was added corrects the error; it may stand for other causes.")
+    misspecified, noise_known = course.report.misspecified, course.report.diagnosis.floor.rms is not None
     candidates = [
         f"{with_id(step.added)}: "
-        f"{why_candidate(course.report, step.added, step.evidence.replicates, explained, one.unexplained)}"
+        + why_candidate(step.evidence.replicates, step.added in misspecified, explained, one.unexplained, noise_known)
         for step, one, explained in steps
         if one.kind == Support.POSSIBLE_CAUSE
     ]

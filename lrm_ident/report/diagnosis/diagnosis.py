@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
-from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, poses_words
+from lrm_ident.data.wording import in_mm, named_joints, p_words, poses_words
 from lrm_ident.diagnosis.attribution import (
     attribution_of,
     explained_by_first,
-    term_of,
     unexplained_mean_square,
     unexplained_ratio,
 )
-from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.advice import advice_of
-from lrm_ident.report.diagnosis.cause_facts import explains_part
 from lrm_ident.report.diagnosis.conclusion import Conclusion, conclude
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.diagnosis.pose_facts import valid_where
+from lrm_ident.report.diagnosis.standing import standing_of
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section, stated
 from lrm_ident.report.plain_names import plain_name
-from lrm_ident.report.text.advice import advice_sentence, next_step
+from lrm_ident.report.text.advice import advice_sentence
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.poses import limitation_sentence
 from lrm_ident.report.text.reasons import reason_words
 from lrm_ident.report.text.residuals import (
     hint_sentence,
+    noise_words,
     predictable_sentence,
     regime_sentence,
     regime_values,
@@ -39,14 +38,11 @@ from lrm_ident.report.text.variables import function_name, place_of
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_math.arm.place_names import place_words
-from lrm_math.arrays import Array
-from lrm_math.effects import Effect, variants
+from lrm_math.effects import Effect
 from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
-STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of several"}
 BAR = 16
-LIKE, CURVE = "indistinguishable", "smooth curve: fits any cause"
 HARDLY_SHOWS = "of typical size it would be too small to show in the remaining error"
 BLACK_BOX = "black-box model"
 MORAN = "spatial autocorrelation (Moran's I)"
@@ -101,7 +97,6 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         "holds": valid_where(report),
         "hints": stated(report.hints, hint_sentence),
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": next_step(report),
     }
 
 
@@ -121,31 +116,13 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
     others = [one for one in report.ranking if one.verdict == Support.NO_EVIDENCE]
     causes = [one for one in others if not one.effect.is_free_form]
     rows = []
-    for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]][:most]):
+    for advice in [*counted, *causes[:REFUSED_SHOWN]][:most]:
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
         bar = "█" * max(1, min(round(BAR * rms / before), BAR))
-        rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
+        rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, standing_of(report, advice)))
     if counted or report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         columns = ("candidate", "mm RMS|", f"bar: 0 to {in_mm(before)} mm", "status")
         yield ResultTable(columns, rows, "\nHeld-out error with each candidate added (≈: estimated without a refit)")
-
-
-def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
-    """Status of a candidate, in a few words."""
-    effect, first = advice.effect, report.first
-    beside = () if first is None else (first.name, *first.equivalent) if first.equivalent else ()
-    if advice.verdict != Support.NO_EVIDENCE:
-        attribution = attribution_of(report) if number == 0 else None
-        if attribution == Support.DESCRIPTION:
-            return term_of(attribution, ())
-        if effect.is_free_form and number:
-            return CURVE
-        if number or advice.equivalent:
-            return LIKE if advice.name in beside else STATUS[advice.verdict]
-        return term_of(attribution or Support.POSSIBLE_CAUSE, ())
-    if advice.scored.implausible:
-        return "implausible size"
-    return "explains part of it" if explains_part(advice.held_out_rms, report.held_out.rms) else "explains little"
 
 
 def _details(report: DiagnosisReport) -> list[Block]:
@@ -209,6 +186,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "effect": effect.id,
         "place": effect.place,
         "verdict": advice.verdict,
+        "standing": standing_of(report, advice),
         "held_out_rms_mm": advice.held_out_rms * 1e3,
         "approximate": not advice.exact,
         "gain_mm": (report.held_out.rms - advice.held_out_rms) * 1e3,
@@ -235,26 +213,6 @@ def untestable(refused: Sequence[Refusal]) -> Iterator[str]:
         yield f"{name} at {', '.join(places)}: {why}"
 
 
-def explains_words(share: float, floor_known: bool) -> str:
-    """Share of the squared error that an effect explains."""
-    return f"explains {in_percent(share)} % of the squared error{' above the noise' if floor_known else ''}"
-
-
-def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
-    """Reason why an effect that predicts better identifies no new cause; arguments as of `why_no_cause`."""
-    forms = variants(effect)
-    match why_no_cause(effect, q, present):
-        case NoCause.OTHER_FORM:
-            there = (plain_name(name) for name in forms if name in present)
-            return f"another formula for {' and '.join(there)}, no new cause"
-        case NoCause.FREE_FORM:
-            return f"an empirical term that may stand for {' or '.join(map(plain_name, forms))}"
-        case NoCause.FEW_ANGLES:
-            return "an empirical term: with so few angles any function of that joint's angle fits as well"
-        case NoCause.LITTLE:
-            return "an empirical term: it explains too little to be called a cause"
-
-
 def left_values(left: ResidualPatterns) -> dict[str, object]:
     """The entries `nameless`, `noise_bound_rms_mm` and `regimes` of a diagnosis."""
     return {
@@ -262,15 +220,3 @@ def left_values(left: ResidualPatterns) -> dict[str, object]:
         "noise_bound_rms_mm": left.predictable.noise_bound * 1e3,
         "regimes": list(map(regime_values, left.regimes)),
     }
-
-
-def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> str:
-    """The noise floor, or its upper bound where it is not known."""
-    if floor_mm is None:
-        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
-        return (
-            f"not known ({most}: a black-box model predicts the rest)"
-            if left.predictable.more_to_find
-            else f"not known ({most})"
-        )
-    return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

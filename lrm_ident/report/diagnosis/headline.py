@@ -5,40 +5,22 @@ from __future__ import annotations
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.diagnosis.contradiction import NoCause, why_no_cause
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
-from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.assessment import Assessment
 from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
+from lrm_ident.report.text.verdicts import (
+    CHANGES,
+    HEADLINES,
+    LEFT,
+    MISSING,
+    NONE_FOUND,
+    NOT_IDENTIFIED,
+    WHY_NO_CAUSE,
+    WHY_NOT,
+)
 from lrm_math.effects import variants
 from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 LISTED, NAMED = 4, 2
-MISSING = "Missing from the model"
-NONE_FOUND, NOT_IDENTIFIED = "No missing effect found", "No cause identified"
-WHY_NOT = {
-    Verdict.EFFECT_DESCRIBES: "the error is systematic, but these poses do not show why.",
-    Verdict.UNEXPLAINED_STRUCTURE: "the error is systematic, but no known effect explains it.",
-    Verdict.UNPREDICTABLE: "the error exceeds the noise, but nothing measured predicts it.",
-}
-"""Why no cause was identified."""
-WHY_NO_CAUSE = {
-    NoCause.FREE_FORM: WHY_NOT[Verdict.EFFECT_DESCRIBES],
-    NoCause.FEW_ANGLES: "with so few angles of its joint, any function of the angle fits as well.",
-    NoCause.LITTLE: "the best effect explains too little of the error to be called its cause.",
-}
-"""The same where an effect predicts better."""
-LEFT = {
-    Verdict.NOTHING_MISSING: "no further systematic error is seen.",
-    Verdict.NOISE_UNKNOWN: "but the measurement noise is not known, so another effect may be hidden in it.",
-}
-"""What is left where no missing effect was found."""
-CHANGES = "but the arm goes on changing: earlier poses predict the later ones worse."
-"""Of an arm whose later poses are worse predicted from those before them than from all around."""
-HEADLINES = {
-    **{verdict: f"{NOT_IDENTIFIED}: {why}" for verdict, why in WHY_NOT.items()},
-    Verdict.NOTHING_MISSING: f"{NONE_FOUND}: {LEFT[Verdict.NOTHING_MISSING]}",
-    Verdict.NOISE_UNKNOWN: f"{NONE_FOUND}, {LEFT[Verdict.NOISE_UNKNOWN]}",
-}
-"""First lines of the verdicts that name no effect to add as a cause."""
 
 
 def headline(assessment: Assessment) -> str:

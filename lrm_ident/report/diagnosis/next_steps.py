@@ -1,112 +1,122 @@
-"""Next steps after a diagnosis: what to do, and the commands for it, the best first."""
+"""Next steps after a diagnosis, in the order in which they are worth doing."""
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Iterator
-from dataclasses import astuple, dataclass
+from collections.abc import Iterator, Sequence
 
-from lrm_ident.data.wording import enumerate_words
 from lrm_ident.diagnosis.judgement import Verdict
-from lrm_ident.report.diagnosis.advice import advice_of, causes_of
+from lrm_ident.report.diagnosis.advice import advice_of, causes_of, effects_of
 from lrm_ident.report.diagnosis.assessment import Assessment
-from lrm_ident.report.plain_names import plain_name
-from lrm_ident.report.text.advice import next_step, plan_options, provided_words
-from lrm_math.effects import constant
-
-NAMED = 2
-MORE_POSES = 40
-"""Poses to measure where those there lack something."""
-DEPLOY = "The daemon takes it; nothing moves. verify drives, and needs your tracker."
-VERIFY = "lrm-ident verify --tracker dtrack:5000 --goals 50"
-AS_IT_IS = "The arm's daemon takes the model; nothing moves."
-STOPGAP = "or, without new poses"
-"""Lead of the command for whoever does not measure the poses that the first one writes."""
-FOR_THE_CAUSE, FOR_OTHERS = "to learn the cause", "for programs that read a URDF"
-"""Leads of commands beside that which gives the model to the arm."""
-
-
-@dataclass(frozen=True)
-class CommandNames:
-    """Names of the files that commands to copy stand for; in capitals where they are not known."""
-
-    model: str = "MODEL"
-    data: str = "DATA"
-    arm: str = "ARM"
-
-
-UNKNOWN_FILES = CommandNames()
-
-
-@dataclass(frozen=True)
-class NextStep:
-    """Next thing to do: an imperative, the command for it where there is one, and the command after that.
-
-    `lead`: how it stands to the step before it.
-    """
-
-    words: str
-    command: str = ""
-    then: str = ""
-    lead: str = "or"
+from lrm_ident.report.plain_names import place_in_words, plain_name, words_of
+from lrm_ident.report.text import next_steps as say
+from lrm_ident.report.text.advice import plan_options, provided_words
+from lrm_ident.report.text.next_steps import CommandNames, NextStep
+from lrm_math.effects import Effect, ModelPart
+from lrm_math.model.deployed_model import CORRECTED, on_rover
 
 
 def next_steps(assessment: Assessment, names: CommandNames) -> Iterator[NextStep]:
-    """The steps. `names`: of the files in their commands."""
-    if assessment.first is None:
-        yield from _without_effect(assessment, names)
-        return
-    model, data, _ = map(shlex.quote, astuple(names))
-    add = f"lrm-ident add {model} {data} {shlex.quote(assessment.first.name)} -o better.toml"
-    lead, words = "or", "Adds it to the model and refits all parameters."
-    if distinguishing := [*_poses_that_distinguish(assessment, names)]:
-        yield from distinguishing
-        lead, words = STOPGAP, "Adds it, though its cause is not certain."
-    if assessment.cause is None:
-        yield NextStep("Corrects the error without knowing its cause.", add, lead=STOPGAP)
-        return
-    yield NextStep(words, add, f"lrm-ident diagnose better.toml {data}", lead)
-    if not assessment.cause.equivalent:
-        auto = f"lrm-ident auto {model} {data} -o best.toml"
-        yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
+    """The steps: what is missing, what else must be done by hand, the model on the arm, and what may be done beside.
+
+    `names`: of the files in their commands.
+    """
+    if assessment.first is not None:
+        yield from _of_an_effect(assessment, names)
+    elif assessment.quiet:
+        yield from _of_a_model(assessment, names)
+    elif assessment.report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
+        lacking = bool(assessment.report.limitations)
+        if lacking:
+            options = f"--have {{data}} --levels any -n {say.MORE_POSES}"
+            yield say.measure_more(names, "lie at any angles, in random order", options)
+        yield say.propose_formula(names, say.WITHOUT_POSES if lacking else "")
+        yield say.deploy(names, say.MEANWHILE)
+        yield say.no_repair_yet()
+    else:
+        yield say.diagnose_again(names, say.CHECK_REPEATS)
+        yield say.deploy(names, say.MEANWHILE)
+        yield say.no_repair_yet()
 
 
-def _poses_that_distinguish(assessment: Assessment, names: CommandNames, lead: str = "or") -> Iterator[NextStep]:
+def _of_an_effect(assessment: Assessment, names: CommandNames) -> Iterator[NextStep]:
+    """The steps where an effect is to be added."""
+    first, cause = assessment.first, assessment.cause
+    assert first is not None
+    yield from (distinguishing := tuple(_poses_that_distinguish(assessment, names)))
+    words = "Add it to the model, refit all parameters, and diagnose again"
+    if cause is None:
+        words = "Add it, to correct the error without knowing its cause, and diagnose again"
+    elif distinguishing:
+        words = "Add it, though its cause is not certain, and diagnose again"
+    yield say.add_effect(names, first.name, words, say.WITHOUT_POSES if distinguishing else "")
+    if cause is not None and not (cause.equivalent or distinguishing):
+        yield say.add_all(names)
+    yield from _more_than_poses(assessment, names)
+    if cause is None or not assessment.identified:
+        yield say.no_repair_yet()
+    else:
+        yield from _by_hand(assessment, (cause.name, *cause.equivalent), either=bool(cause.equivalent))
+
+
+def _of_a_model(assessment: Assessment, names: CommandNames) -> Iterator[NextStep]:
+    """The steps where nothing is missing: first what the model does not correct, or all that was measured rests on."""
+    certain = [name for name in assessment.causes if name not in assessment.unsure]
+    unsure = next(((name, *others) for name, others in assessment.unsure.items() if name in assessment.causes), ())
+    repairs = [*_by_hand(assessment, certain, either=False), *_by_hand(assessment, unsure, either=True)]
+    yield from (one for one in repairs if not one.lead)
+    if assessment.report.verdict == Verdict.NOISE_UNKNOWN:
+        yield say.diagnose_again(names, say.CHECK_NOISE)
+        yield say.deploy(names, say.MEANWHILE)
+    else:
+        yield say.deploy(names)
+        yield say.verify()
+    yield from _poses_that_distinguish(assessment, names, say.FOR_THE_CAUSE)
+    yield from _more_than_poses(assessment, names)
+    yield from (one for one in repairs if one.lead)
+    if assessment.terms and not assessment.causes:
+        yield say.no_repair_yet(list(dict.fromkeys(map(place_in_words, assessment.terms))))
+    if assessment.report.verdict == Verdict.NOTHING_MISSING:
+        yield say.export(names)
+
+
+def _poses_that_distinguish(assessment: Assessment, names: CommandNames, lead: str = "") -> Iterator[NextStep]:
     """How to measure what distinguishes the causes, where some poses do."""
-    model, data, arm = map(shlex.quote, astuple(names))
     advice = advice_of(assessment.report)
     if advice is None or advice.plan is None or not advice.helps:
         return
-    rivals = shlex.quote(",".join(causes_of(assessment)))
-    poses = f"--separate {rivals} --have {data} {plan_options(advice.plan)} -o next.csv"
-    these, there = f"these{provided_words(advice.pairs)}", f"Measure there, append to {names.data}."
-    yield NextStep(
-        f"Writes poses (--levels any: at any angles) that distinguish {these}. {there}",
-        f"lrm-ident design {arm} --model {model} {poses}",
-        f"lrm-ident fit {data} --arm {arm} -o new.toml",
-        lead,
-    )
+    options = f"--separate {{rivals}} --have {{data}} {plan_options(advice.plan)}"
+    what = f"distinguish these{provided_words(advice.pairs)}"
+    yield say.measure_more(names, what, options, lead, rivals=",".join(causes_of(assessment)))
 
 
-def _without_effect(assessment: Assessment, names: CommandNames) -> Iterator[NextStep]:
-    """The next steps after a verdict without an effect to add."""
-    model, data, arm = map(shlex.quote, astuple(names))
-    report, deploy = assessment.report, f"lrm deploy {model}"
-    match report.verdict:
-        case Verdict.NOTHING_MISSING:
-            yield NextStep(DEPLOY, deploy, VERIFY)
-            yield from _poses_that_distinguish(assessment, names, FOR_THE_CAUSE)
-            lost = [plain_name(name) for name, effect in assessment.causes.items() if not constant(effect)]
-            without = f" and without {enumerate_words(lost, NAMED)}" if lost else ""
-            export = f"lrm-ident arm export {model} -o arm.urdf"
-            yield NextStep(f"Writes the rigid part, without springs{without}.", export, lead=FOR_OTHERS)
-        case Verdict.UNEXPLAINED_STRUCTURE:
-            if report.limitations:
-                free = f"--levels any -n {MORE_POSES} -o next.csv"
-                design = f"lrm-ident design {arm} --model {model} --have {data} {free}"
-                yield NextStep(f"Writes poses at any angles, in random order. Measure there, append to {data}.", design)
-            yield NextStep(next_step(report), f"lrm-ident propose {model} {data} -o law.py")
-            yield NextStep(AS_IT_IS, deploy)
-        case _:
-            yield NextStep(next_step(report))
-            yield NextStep(AS_IT_IS, deploy, lead=STOPGAP)
+def _more_than_poses(assessment: Assessment, names: CommandNames) -> Iterator[NextStep]:
+    """What to measure to distinguish causes that follow the order of measuring, which no choice of poses does."""
+    if advice_of(assessment.report) is not None:
+        return
+    first, effects = assessment.first, effects_of(assessment.report)
+    alike = next(((name, *others) for name, others in assessment.unsure.items()), ())
+    causes = alike if first is None else (first.name, *first.equivalent)
+    needs = dict.fromkeys(effects[name].about.needs for name in causes if name in effects)
+    if len(causes) > 1 and any(needs):
+        yield say.measure_what(names, list(filter(None, needs)))
+
+
+def _by_hand(assessment: Assessment, names: Sequence[str], either: bool) -> Iterator[NextStep]:
+    """What to do by hand about causes; of either of several as about the first, which the model has or gets."""
+    effects = effects_of(assessment.report)
+    why = {name: "" if name not in effects else _why_by_hand(effects[name]) for name in names}
+    for kind in (why[names[0]],) if either and names else (say.OF_MEASURING, say.MAY_CHANGE, ""):
+        repairs = {
+            plain_name(name): words_of(name, "repair").format(place=place_in_words(name))
+            for name in names
+            if either or why[name] == kind
+        }
+        if repairs := {name: words for name, words in repairs.items() if words}:
+            yield say.repair(repairs, kind, either and len(names) > 1)
+
+
+def _why_by_hand(effect: Effect) -> str:
+    """Why a cause is to be seen to; empty where the model corrects it."""
+    if effect.part is ModelPart.MEASUREMENT:
+        return say.OF_MEASURING
+    return "" if on_rover(effect) in CORRECTED else say.MAY_CHANGE

@@ -7,45 +7,9 @@ from collections.abc import Sequence
 from lrm_ident.design.advice import Advice, MeasuringPlan
 from lrm_ident.design.expected_lead import NEEDED, CausePair
 from lrm_ident.design.pose_design import ClearAngles
-from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE, Z_THRESHOLD
 
-NEXT_STEP = {
-    Verdict.UNEXPLAINED_STRUCTURE: (
-        "Search for a formula. If you know the cause, write it as an effect: docs/effects.md"
-    ),
-    Verdict.UNPREDICTABLE: (
-        "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
-        "one that does not is a loose part, creep, a load that the file does not state (payload_g), or noise larger "
-        "than stated."
-    ),
-    Verdict.NOTHING_MISSING: "Save the model and give it to the rover: lrm deploy MODEL.",
-    Verdict.NOISE_UNKNOWN: (
-        "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
-        "(noise_sd_mm), and diagnose again."
-    ),
-}
-"""Advice after a verdict that names no cause."""
 NO_POSE = "No pose that keeps clear was found, so no poses can be proposed."
-
-
-def next_step(report: DiagnosisReport) -> str:
-    """What to do after a verdict; where an effect is to be added, which poses would distinguish its equivalents."""
-    if report.verdict in NEXT_STEP:
-        return NEXT_STEP[report.verdict]
-    diagnosis = report.diagnosis
-    kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
-    supported = [one.name for one in report.ranking[:1] if one.verdict != Support.NO_EVIDENCE]
-    names = [name for first in supported for name in (first, *diagnosis.equivalent[first])]
-    if not names:
-        return "Repeat a few poses to know the noise, and measure in random order with two loads."
-    plain = [name for name in names if name in kinds]
-    needs = dict.fromkeys(kinds[name].about.needs for name in plain if kinds[name].about.needs)
-    what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
-    if len(names) > 1 or kinds[names[0]].is_free_form:
-        return f"Measure poses that distinguish the possible causes: {what}."
-    return "Add the best candidate, refit everything, and diagnose again."
 
 
 def plan_options(plan: MeasuringPlan) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from lrm_ident.data.wording import in_mm, poses_words, quantity
 from lrm_ident.diagnosis.reason import Claim
+from lrm_math.arm.place_names import place_words
 from lrm_math.effects import Effect, Parameter
 
 DISPLAY_UNITS = {
@@ -46,7 +47,7 @@ def claim_sentence(claim: Claim) -> str:
         return sentence
     surest = sorted(further, key=lambda estimate: -abs(estimate.value) / max(estimate.error, 1e-300))[:MOST_ESTIMATES]
     shown = [name for name in words if name in {estimate.name for estimate in surest}]
-    meanings, more = {p.name: p.meaning for p in effect.parameters}, len(further) - MOST_ESTIMATES
+    meanings, more = {p.name: place_words(p.meaning) for p in effect.parameters}, len(further) - MOST_ESTIMATES
     surest_values = ", ".join(f"{meanings[name]} {words[name]}{turned(name in claim.turns)}" for name in shown)
     return f"{sentence} ({surest_values}{f' and {more} more' if more > 0 else ''})"
 

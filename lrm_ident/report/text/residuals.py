@@ -15,6 +15,7 @@ from lrm_ident.residual.parameter_hints import HintKind, ParameterHint
 from lrm_ident.residual.picture.error_field import ArrowScale
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.regime import UNITS, Regime
+from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_ident.residual.scale_uncertainty import ScaleUncertainty
 from lrm_math.arm.place_names import place_words
 from lrm_math.effects.tracker_errors import FRAME_TYPICAL
@@ -149,7 +150,7 @@ def error_raised_sentence(before: DeployedError, after: DeployedError) -> str:
     restarted = after.time_unknown or after.now
     if more := _more(before.time_unknown or before.now, restarted):
         unknown = "earlier moves" if after.state is not None and after.state.memory else "time since power-on"
-        return f"{more} after a restart of lrmd, which then does not know the {unknown}"
+        return f"{more} after a restart of the arm's daemon, which then does not know the {unknown}"
     return ""
 
 
@@ -160,8 +161,8 @@ def law_may_be_wrong_sentence(laws: Sequence[str]) -> str:
     """
     if not laws:
         return ""
-    said = enumerate_words(laws, NAMED)
-    return f"lrmd follows {said}. More than the noise is left, so the law may be wrong later or at another pace"
+    said = f"the arm's daemon follows {enumerate_words(laws, NAMED)}"
+    return f"{said}. More than the noise is left, so the law may be wrong later or at another pace"
 
 
 def _more(before: ErrorStats, after: ErrorStats) -> str:
@@ -196,3 +197,15 @@ def arrows_caption(scale: ArrowScale) -> str:
     """Caption of a picture of the errors."""
     arrows = f"Arrows: measured minus predicted, {scale.magnification:g} times enlarged"
     return f"Dots: measured positions of the tip. {arrows}; colours and lengths mean the same in all steps."
+
+
+def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> str:
+    """The noise floor, or its upper bound where it is not known."""
+    if floor_mm is None:
+        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
+        return (
+            f"not known ({most}: a black-box model predicts the rest)"
+            if left.predictable.more_to_find
+            else f"not known ({most})"
+        )
+    return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

@@ -90,7 +90,7 @@ def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
             follow = partial(_closing, dialog, do, lambda: session.follow(Path(path.value).expanduser()))
             _button("Follow the file", follow)
             _button("Stop following", partial(_closing, dialog, do, session.stop_following), "flat")
-        ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
+        ui.label("A running daemon (lrmd): its arm, and where the model thinks the tip is.").classes("lrm-small")
         robot = ui.input("Robot", value="rover").classes("lrm-full")
         endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
         with _buttons(dialog):

@@ -23,7 +23,7 @@ class SelfHeating(EffectWithMemory, JointEffect):
         cause="A servo's losses grow with the square of the torque that it holds; as it warms, its angle drifts.",
         formula="δq = (a + g q) θ, T dθ/dt = τ² − θ, θ = 0 when a session begins",
         source="first-order thermal model of a motor's losses (Hughes & Drury 2019)",
-        claim="{place} turns by {a_rad_per_Nm2} as it warms under load",
+        claim="{place} turns {a_rad_per_Nm2:forwards|backwards} as it warms under load",
         needs="the measured order, best with times (t_s), and loads that do not run with it",
     )
     parameters = (

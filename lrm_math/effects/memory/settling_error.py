@@ -20,7 +20,7 @@ class SettlingError(LinearEffect):
         cause="The tracker was read too early after a move: every joint was still short of its goal.",
         formula="δq_j = −e (q_j − q_j of the pose before) at every joint j",
         source="first-order settling of a position loop, read at a constant time (Franklin et al. 2019)",
-        claim="{place} was read too early: {e_rad_per_rad} of each move was still to come",
+        claim="{place} was read too early: {e_rad_per_rad:of each move was still to come|of each move went too far}",
         needs="the measured order, and moves that do not run with the angles",
     )
     parameters = (Parameter("e_rad_per_rad", "share of the last move that was still to come", 0.005, largest=1.0),)

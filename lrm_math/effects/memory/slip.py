@@ -27,7 +27,7 @@ class Slip(EffectWithMemory, JointEffect):
         cause="A horn or a clamp that is not tight slips a little whenever its joint reverses under load.",
         formula="δq = b z; at each reversal z moves towards the side of τ by 1 − exp(−|τ|/τ0) of the way",
         source="self-loosening under reversals (Junker 1969), as far as the clearance goes",
-        claim="{place} slips by up to {b_rad} at reversals under load",
+        claim="{place} slips by up to {b_rad:|} at reversals under load",
         needs="the measured order, and a joint that reverses often under load",
     )
     parameters = (

@@ -45,6 +45,14 @@ def test_fit_reports_fit_and_held_out(folder: Path) -> None:
 
 
 @pytest.mark.long
+def test_the_command_that_a_fit_advises_runs_as_it_is_printed(tmp_path: Path) -> None:
+    """Before: names with a blank stood in it unquoted."""
+    data, model = part_of_example(tmp_path).rename(tmp_path / "my data.csv"), tmp_path / "my model.toml"
+    printed = stdout_of("fit", data, "--arm", "lrm-lab", "-o", model)
+    assert f"\nNext: lrm-ident diagnose '{model}' '{data}'\n" in printed
+
+
+@pytest.mark.long
 def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
     tables = tomllib.loads((folder / "model.toml").read_text())
     assert tables["schema"] == "lrm/model/2"
@@ -189,4 +197,4 @@ def test_ctrl_c_skips_the_nested_cross_validation_alone(tmp_path: Path, monkeypa
     stdout_of("fit", data, "--arm", "lrm-lab", "-o", model)
     printed = stdout_of("auto", model, data, "-o", tmp_path / "best.toml", "--nested", "--max-effects", "1")
     assert "skipped by Ctrl-C" in printed
-    assert "Next: " in printed
+    assert "\nNext\n  1. " in printed

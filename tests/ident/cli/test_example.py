@@ -40,7 +40,7 @@ def test_the_demo_tells_its_story_again(tmp_path: Path, example_study: lrm.Study
     stdout_of("report", folder / "best.toml", folder / "data.csv", "-o", folder / "report.html")
     said = stdout_of("demo", "-o", folder)
     assert "Missing from the model: backlash in joint 2" in said
-    assert "geometry and springs 3.03 → with backlash in joint 2: 0.5" in " ".join(said.split()), (
+    assert "lengths, angles and stiffness fitted 3.03 → with backlash in joint 2: 0.5" in " ".join(said.split()), (
         "the whole course, not its last step"
     )
     last = read_toml(folder / "best.toml", ModelFile).history[-1]

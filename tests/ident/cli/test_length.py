@@ -115,7 +115,7 @@ def test_the_output_fits_a_terminal(command: str) -> None:
     assert_fits(stdout_of(*shlex.split(command)))
 
 
-ADVISED = re.compile(r"(?:^Next: |^  [a-z][a-zA-Z ,]*: |Then: |Next: )(lrm-ident .*)$", re.M)
+ADVISED = re.compile(r"(?:^     |^  [a-z1-9].*: )(lrm-ident .*)$", re.M)
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def test_printed_advice_runs(model: str, terminal: Path, tmp_path: Path, monkeyp
     told = stdout_of("diagnose", f"{model}.toml", data)
     assert_fits(told)
     advised = [command for command in ADVISED.findall(told) if " verify " not in command]  # it needs an arm
-    assert advised or "Next: Measure" in told
+    assert advised
     for command in advised:
         words = shlex.split(command)[1:]
         said = stdout_of(*words, *(("--no-nested", "--max-effects", "1") if words[0] == "auto" else ()))

@@ -17,12 +17,12 @@ from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.diagnosis.headline import HEADLINES
-from lrm_ident.report.diagnosis.next_steps import CommandNames
 from lrm_ident.report.diagnosis.pose_facts import valid_where
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
-from lrm_ident.report.text.advice import NEXT_STEP, next_step
+from lrm_ident.report.plots.interactive.values import figure_values
+from lrm_ident.report.text.next_steps import CommandNames, labelled
+from lrm_ident.report.text.verdicts import HEADLINES
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
 from lrm_ident.study.study import Study
 from tests.conftest import EXAMPLE, ROOT
@@ -30,6 +30,14 @@ from tests.support.commands import stdout_of
 from tests.support.misreadings import random_arm_data
 
 pytestmark = pytest.mark.long
+
+DEPLOYED = [
+    ("", "lrm deploy MODEL"),
+    ("", "lrm-ident verify --tracker dtrack:5000 --goals 50"),
+    ("or repair, though the model corrects it",),
+    ("for a URDF", "lrm-ident arm export MODEL -o arm.urdf"),
+]
+"""Leads and commands where nothing is missing and the model corrects what it has."""
 
 
 @pytest.mark.parametrize("verdict", HEADLINES)
@@ -42,7 +50,8 @@ def test_an_identified_cause_is_named_with_its_figures(example_diagnosis: Diagno
     facts = dict(found.facts)
     assert found.headline == "Missing from the model: backlash in joint 2 (backlash@joint2)"
     assert facts["certainty"].startswith("identified: other causes leave ≈ 1.4")
-    assert facts["repair"].startswith("preload or replace the gear of joint 2")
+    steps = [(label, step.words.split()[0], len(step.commands)) for label, step in labelled(found.next)]
+    assert steps == [("1.", "Add", 2), ("or:", "Add", 1), ("or repair, though the model corrects it:", "Preload", 0)]
     assert "3.03 → 0.57 mm RMS" in facts["held-out error"]
     assert facts["estimate"].endswith("of backlash, end to end")
     assert "as deployed" not in facts, "the arm gets the same error"
@@ -64,14 +73,10 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     report = better_study.diagnose()
     found = conclude(report)
     assert found.headline == "Found: backlash in joint 2, now corrected; no further systematic error is seen."
-    without_files = "Save the model and give it to the rover: lrm deploy MODEL."
-    assert next_step(report) == without_files, "what the page says without files"
-    assert found.next[0].words.startswith("The daemon takes it; nothing moves"), (
-        "what the command does stands at the command"
-    )
+    assert found.next[0].words == "Give the arm's daemon the model (nothing moves)", "stands at the command"
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
-    assert "then measure and fit again" in dict(found.facts)["repair"]
-    assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
+    assert [(step.lead, *step.commands) for step in found.next] == DEPLOYED
+    assert "then measure and fit again" in found.next[2].words
 
 
 def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study) -> None:
@@ -109,15 +114,17 @@ def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> Non
     )
     facts = dict(found.facts)
     assert "backlash in joint 2, or cable pull on joint 2" in facts["certainty"]
-    assert "gear of joint 2" in facts["repair"]
-    assert "cables at joint 2" in facts["repair"], "what to do in either case"
+    assert "gear of joint 2" in found.next[-2].words
+    assert "cables at joint 2" in found.next[-2].words, "what to do in either case"
 
 
 @pytest.mark.parametrize("rival", ["sway@joint2", "eccentricity@joint9", "offsets", "drift@joint2"])
 def test_a_rival_that_poses_cannot_tell_of_stops_no_verdict(better_study: Study, rival: str) -> None:
     """An effect of one's own, a place that there is not, one that the model has, one that follows time alone."""
     found = conclude(replace(better_study.diagnose(), indistinguishable={"backlash@joint2": (rival,)}))
-    assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
+    assert [step.commands for step in found.next if step.commands and not step.lead] == [
+        tuple(commands) for lead, *commands in DEPLOYED if commands and not lead
+    ]
 
 
 def test_a_rival_that_was_added_since_is_none(better_study: Study) -> None:
@@ -213,14 +220,64 @@ def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
     assert found.headline == HEADLINES[Verdict.EFFECT_DESCRIBES]
     assert "certainty" not in dict(found.facts)
     assert any(reason.startswith("few angles") for reason in found.reasons)
-    design, add = (shlex.split(step.command) for step in found.next)
+    measure, adding, repair = found.next
+    design, add = (shlex.split(step.commands[0]) for step in (measure, adding))
     assert design[:3] == ["lrm-ident", "design", "lrm-lab"]
     assert add[:5] == ["lrm-ident", "add", "model.toml", "DATA.csv", "cable_curve@joint1+joint2"]
+    assert measure.commands[1:] == (
+        "lrm-ident fit DATA.csv --arm lrm-lab -o new.toml",
+        "lrm-ident diagnose new.toml DATA.csv",
+    )
+    assert (repair.lead, repair.words) == ("to repair", "Nothing yet, since the cause is not certain")
 
 
-def test_every_verdict_has_a_headline_and_a_next_step() -> None:
+def test_every_verdict_has_a_headline_and_a_next_step(better_study: Study) -> None:
     assert {*HEADLINES, "effect_missing"} == {*Verdict}
-    assert {*NEXT_STEP, "effect_missing", "effect_describes"} == {*Verdict}
+    report = better_study.diagnose()
+    for verdict in HEADLINES:
+        steps = list(labelled(conclude(replace(report, verdict=verdict)).next))
+        assert steps[0][0] == "1."
+        assert any("diagnose again" in step.words for _, step in steps) <= any(
+            " diagnose " in command for _, step in steps for command in step.commands
+        ), "which command that is"
+
+
+@pytest.mark.parametrize(
+    ("name", "others", "first", "why"),
+    [
+        (
+            "depth_scale@frame",
+            ("measurement_frame@frame",),
+            "Find out which it is, since every measured position rests on it: tracker",
+            "",
+        ),
+        ("change_point@joint3", (), "Find what moved or was pushed at joint 3", "it may change again"),
+    ],
+)
+def test_what_the_model_does_not_correct_comes_before_the_model_is_deployed(
+    example_study: Study, name: str, others: tuple[str, ...], first: str, why: str
+) -> None:
+    """Before: *repair* stood among the facts, *deploy* under Next, and readers did not know which comes first."""
+    report = example_study.add(name).diagnose()
+    quiet = replace(report, verdict=Verdict.NOTHING_MISSING, ranking=(), indistinguishable={name: others})
+    (label, repair), (_, deploy), *_ = labelled(conclude(quiet).next)
+    assert label == "1."
+    assert repair.words.startswith(first)
+    assert why in repair.words
+    assert deploy.commands == ("lrm deploy MODEL",)
+
+
+def test_terminal_page_and_json_list_the_same_steps(example_study: Study, example_diagnosis: DiagnosisReport) -> None:
+    names = CommandNames("model.toml", "my data.csv", "lrm-lab")
+    page = with_diagnosis(quick_report(example_study), example_diagnosis, names)
+    assert page.diagnosis is not None
+    listed = json.loads(page.diagnosis.json())["conclusion"]["next"]
+    drawn, printed = figure_values(page)["next"], page.diagnosis.text(width=400)
+    assert [(one["label"], one["commands"]) for one in listed] == [(label, said) for label, _, said in drawn]
+    for label, sentence, commands in drawn:
+        assert f"  {label} {sentence}" in printed
+        assert all(f"{command}\n" in printed for command in commands)
+    assert "lrm-ident diagnose better.toml 'my data.csv'" in drawn[0][2]
 
 
 def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(example_diagnosis: DiagnosisReport) -> None:

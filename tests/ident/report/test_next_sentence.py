@@ -1,4 +1,4 @@
-"""The sentence on what to measure next asks for nothing that the data hold already."""
+"""What to measure next asks for nothing that the data hold already."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lrm_ident as lrm
-from lrm_ident.report.text.advice import next_step
+from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
@@ -30,6 +30,9 @@ def test_of_data_of_two_sessions_another_one_is_asked_for() -> None:
     assert found.first is not None
     names = {found.first.scored.name, *found.first.equivalent}
     assert {"session@joint1", "change_point@joint1"} <= names
-    words = next_step(found)
-    assert "two or more sessions" not in words
-    assert "another session, with some of the same poses" in words
+    add, *_, measure, repair = conclude(found).next
+    assert add.commands[0].startswith("lrm-ident add "), "what needs no new poses comes first"
+    assert measure.lead == "to learn the cause"
+    assert "two or more sessions" not in measure.words
+    assert "another session, with some of the same poses" in measure.words
+    assert "find what moved" in repair.words

@@ -11,7 +11,7 @@ from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.variables import in_a_sentence
 from lrm_ident.residual.covariates import ExplanatoryVariable
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import ALL_EFFECTS
+from lrm_math.effects import ALL_EFFECTS, CATALOGUE
 from lrm_math.effects.base import Excitation
 from lrm_math.effects.curves import CouplingCurve
 from lrm_math.effects.servo_errors import Coupling
@@ -59,6 +59,21 @@ def test_what_an_effect_says_holds_no_code_name(kind: type) -> None:
         claim = effect.about.claimed_with(effect.place_in_words, numbers)
         assert not CODE_NAME.search(claim), claim
         assert not CODE_NAME.search(effect.missing_excitation(still) or "")
+
+
+@pytest.mark.parametrize("kind", CATALOGUE, ids=lambda kind: kind.id)
+def test_no_claim_holds_a_minus_sign(kind: type) -> None:
+    """Before: *the tracker stretches by -8 mm/m*, and the same in the title of a card."""
+    arm = load_arm("lrm-lab")
+    for effect in (kind(arm, place) for place in kind.places(arm)):
+        signed = {p.name: "5 mm" if p.lower >= 0.0 or p.name == "last_pose" else "-5 mm" for p in effect.parameters}
+        assert "-" not in effect.about.claimed_with(effect.place_in_words, signed)
+        assert all("-" not in effect.about.sized(name, words) for name, words in signed.items())
+
+
+def test_the_size_of_an_estimate_says_which_way() -> None:
+    [tracker] = (kind.about for kind in CATALOGUE if kind.id == "depth_scale")
+    assert tracker.sized("scale_mm_per_m", "-8.06 mm/m") == "8.06 mm/m too short"
 
 
 def test_what_couples_two_joints_says_which_follows() -> None:

@@ -63,8 +63,8 @@ def told(file: ModelFile) -> Story:
 def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file: ModelFile) -> None:
     story = told(file)
     fall = (
-        "nominal 30.0 → geometry and springs 4.80 → with 1 empirical term and 1 identified cause: 1.90 mm RMS at poses "
-        "not in the fit"
+        "nominal 30.0 → lengths, angles and stiffness fitted 4.80 → with 1 empirical term and 1 identified cause: "
+        "1.90 mm RMS at poses not in the fit"
     )
     assert story.sentence.replace("30.00", "30.0") == fall
     assert [one.title for one in story.steps[:2]] == ["nominal", GEOMETRY]

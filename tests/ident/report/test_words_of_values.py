@@ -190,8 +190,8 @@ def test_auto_says_where_the_arm_gets_a_worse_model() -> None:
     """A memory was taken, and after a restart the arm was worse than before it: the output had the session's error."""
     state = StateAfterSession({"creep@joint2": "last"}, {}, memory={"creep@joint2": SessionMemory({}, (0.0,), (1.0,))})
     started, remembers = DeployedError(SHOWN), DeployedError(SHOWN, time_unknown=MORE, state=state)
-    told = "3.00 mm RMS, before auto 2.00 mm, after a restart of lrmd, which then does not know the earlier moves"
-    assert error_raised_sentence(started, remembers) == told
+    told = "3.00 mm RMS, before auto 2.00 mm, after a restart of the arm's daemon, which then does not know "
+    assert error_raised_sentence(started, remembers) == f"{told}the earlier moves"
     assert error_raised_sentence(started, DeployedError(SHOWN, time_unknown=MORE)).endswith("time since power-on")
     assert error_raised_sentence(started, DeployedError(MORE)) == "3.00 mm RMS, before auto 2.00 mm, as deployed"
     assert not error_raised_sentence(DeployedError(MORE), DeployedError(SHOWN, time_unknown=MORE))
@@ -214,7 +214,8 @@ def test_a_law_that_is_followed_is_doubted_where_more_than_the_noise_is_left(abo
     course: Any = SimpleNamespace(model=SimpleNamespace(state=state), diagnosis=SimpleNamespace(above_floor=above))
     facts = [*laws_that_may_be_wrong(course)]
     assert [label for label, _ in facts] == ["law"] * above
-    assert all(words.startswith("lrmd follows warm-up drift of joint 3, creep of joint 2. ") for _, words in facts)
+    followed = "the arm's daemon follows warm-up drift of joint 3, creep of joint 2. "
+    assert all(words.startswith(followed) for _, words in facts)
 
 
 def test_a_scale_that_is_open_asks_for_a_known_length() -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.model_fit import nominal_model
+from lrm_ident.report.diagnosis.standing import Standing
 from lrm_ident.report.document import ListSection, ResultTable, blocks_html, heading
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.plain_names import WORDS, plain_name
@@ -117,9 +118,9 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     better_study.save(second)
     drawn = figure_values(with_diagnosis(quick_report(example_study), example_diagnosis))
     ranking = {one["name"]: one for one in drawn["ranking"]}
-    assert ranking["backlash@joint2"]["standing"] == "supported"
+    assert ranking["backlash@joint2"]["standing"] == "identified cause"
     assert ranking["torque_curve@joint2"]["mark"] == "◌ imitates the first, with more parameters"
-    assert ranking["nonlinear_stiffness@joint2"]["standing"] == "partly"
+    assert ranking["nonlinear_stiffness@joint2"]["standing"] == "explains part of it"
     assert ranking["backlash@joint2"]["gain"] > 2.0 > ranking["nonlinear_stiffness@joint2"]["gain"] > 1.0
     bare.write_text(example_model.read_text().split("[[history]]")[0])
     stdout_of("report", bare, EXAMPLE, "-o", page)
@@ -207,7 +208,7 @@ def test_the_list_begins_with_what_the_verdict_names(
     found = with_diagnosis(quick_report(example_study), example_diagnosis)
     assert found.diagnosis is not None
     ranking = [dict(one) for one in found.diagnosis.values["ranking"]]  # type: ignore[attr-defined]
-    ranking[0]["verdict"], ranking[3]["verdict"] = "indistinguishable", "supported"
+    ranking[0]["standing"], ranking[3]["standing"] = Standing.LIKE, Standing.BESIDE
     judged = replace(found.diagnosis, values={**found.diagnosis.values, "ranking": ranking})
     shown = [one["name"] for one in figure_values(replace(found, diagnosis=judged))["ranking"]]
     assert shown[:2] == [f"{one['effect']}@{one['place']}" for one in (ranking[0], ranking[3])]

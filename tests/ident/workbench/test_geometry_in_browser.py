@@ -82,11 +82,11 @@ PLACES = """(() => {
 
 
 STEPS = [
-    ["lrm-ident add /home/rover/arms/model.toml /home/rover/arms/data.csv mass@link5", "Adds it.", "", ""],
-    ["lrm-ident design --separate eccentricity@joint4,base_curve@base,cable_spring@joint4", "Writes poses.", "", "or"],
-    ["lrm deploy /home/rover/arms/model.toml", "Gives the model to the daemon.", "", "or, without new poses"],
+    ["1.", "Add it:", ["lrm-ident add /home/rover/arms/model.toml /home/rover/arms/data.csv mass@link5"]],
+    ["or:", "poses:", ["lrm-ident design --separate eccentricity@joint4,base_curve@base,cable_spring@joint4"]],
+    ["or, without new poses:", "give the arm the model:", ["lrm deploy /home/rover/arms/model.toml"]],
 ]
-"""What to do next, as `figure_values` gives it: command, words, what to run then, how it stands to the one before."""
+"""What to do next, as `figure_values` gives it: number or lead, words, commands."""
 BREAKS = """[...document.querySelectorAll("#lrm-next code span")].flatMap((word) => {
   const signs = [...word.childNodes].filter((one) => one.nodeType === Node.TEXT_NODE).flatMap((text) =>
     [...text.data].map((sign, k) => {
@@ -150,7 +150,7 @@ def test_a_report_of_four_steps_at_every_width(browser: Any, report: Path) -> No
     assert page.evaluate(SKETCHES, SKETCH_KINDS) == []
     for card, bar in page.evaluate(COLOURS_OF_STEPS):
         assert card == bar, "a card has the colour of its step"
-    page.evaluate("(commands) => lrm.show({ ...lrm.state.values, commands })", STEPS)
+    page.evaluate("(next) => lrm.show({ ...lrm.state.values, next })", STEPS)
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 844})
         settle(page, SETTLED_MS)

@@ -122,8 +122,8 @@ def says_what_it_shows(page: Any) -> None:
     for _, _, _, mark in shown:
         assert mark in page.inner_text("#lrm-ranking-head")
     least = shown[0][2]
-    assert all(held > 1.05 * least for _, standing, held, _ in shown if standing == "no_evidence")
-    for standing in {one[1] for one in shown} - {"supported"}:
+    assert all(held > 1.05 * least for _, standing, held, _ in shown if standing == "no evidence")
+    for standing in {one[1] for one in shown} - {"identified cause"}:
         held = [one[2] for one in shown if one[1] == standing]
         assert held == sorted(held)
     assert page.evaluate("document.querySelector('#lrm-ranking-head abbr').title")

@@ -51,6 +51,6 @@ def test_an_effect_is_explained_and_its_size_moves_arrows_and_rms_before_any_ref
     page.click(f"#lrm-ranking [data-name='{other}']")
     assert page.evaluate("lrm.state.size") == 0
     assert page.evaluate("lrm.scenes.field.content.residual") == measured
-    assert page.evaluate("lrm.scenes.field.content.title").startswith("geometry and springs: RMS")
+    assert page.evaluate("lrm.scenes.field.content.title").startswith("lengths, angles and stiffness fitted: RMS")
     page.context.close()
     assert not seen.errors

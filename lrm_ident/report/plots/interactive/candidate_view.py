@@ -124,7 +124,9 @@ def _size(scored: ScoredCandidate, rest: Equilibrium) -> dict[str, object] | Non
     value, turn = float(theta * parameter.typical / parameter.si), usual_turns(scored.candidate.effect, rest)
     unit = "rad" if turn else parameter.unit
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return {"value": value * turn.get(parameter.name, 1.0) * scale, "unit": f"{symbol}{turned(bool(turn))}"}
+    sign = scored.candidate.effect.about.sized(parameter.name, "-" if value < 0 else "")
+    words = f"{symbol}{sign}{turned(bool(turn))}"
+    return {"value": abs(value) * turn.get(parameter.name, 1.0) * scale, "unit": words}
 
 
 def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:

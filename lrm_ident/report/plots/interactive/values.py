@@ -12,39 +12,29 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import UNSEEN, arrow, in_mm, p_words
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of, unexplained_ratio
-from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.report.diagnosis.conclusion import FIRST
-from lrm_ident.report.diagnosis.next_steps import UNKNOWN_FILES
+from lrm_ident.report.diagnosis.standing import Standing
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
-from lrm_ident.report.step_card import AS_WELL, StepCard, of_data, rivals
+from lrm_ident.report.step_card import StepCard, of_data, rivals
 from lrm_ident.report.story import GEOMETRY, Story, StoryStep
+from lrm_ident.report.text.next_steps import UNKNOWN_FILES, labelled
 from lrm_ident.report.text.residuals import arrows_caption
 from lrm_ident.report.text.variables import axis_label, variable_name
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.gravity_loads import LOCAL
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.picture.group_means import explained_by_means, fair_rows, shown_most
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm_file import MM
 from lrm_math.effects.reference import EffectRef
 from lrm_math.model.step_name import FIT
 
-SUPPORTED, BESIDE, EMPIRICAL = "supported", "beside", "empirical"
-STANDINGS = {
-    SUPPORTED: "● supported",
-    EMPIRICAL: "◇ empirical term, no identified cause",
-    "indistinguishable": "◐ indistinguishable with these poses",
-    BESIDE: "● supported beside the first",
-    "explains_too": "◌ imitates the first, with more parameters",
-    "as_well": "◌ explains it too, no better than the first",
-    "partly": "◔ explains part of it",
-    "no_evidence": "○ no evidence",
-    "refused": "✕ cannot be the cause",
-}
-"""What is to be made of a candidate, in the order of the list."""
+MARKS = dict(zip(Standing, "●◍◇◐●◌◌◔○✕", strict=True))
+"""Of a candidate, before its label."""
 UNKNOWN = "–"
 """For an error that is not known."""
 
@@ -53,7 +43,6 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     known = {} if found.diagnosis is None else found.diagnosis.values
     following = () if found.conclusion is None else found.conclusion.next
-    commands = [one for one in following if UNKNOWN_FILES.model not in one.command.split()]
     story, turns, lever = found.story, found.field.steps[-1].turns, found.field.lever
     shared = [one for one in found.covariates if one.kind not in LOCAL]
     left = [explained_by_means(turns, lever, one.values) for one in shared]
@@ -79,10 +68,14 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         # shown first: the chart that shows most of what the model leaves
         "fails": found.diagnosis is None or not Verdict(str(known["verdict"])).quiet,
         "where": {"joint": joint, "driver": variable_name(driver) if driver else ""},
-        "next": "" if commands else known.get("next_poses_hint", ""),
-        "commands": [[one.command, one.words, one.then, one.lead] for one in commands],
+        "next": [[label, one.sentence, list(filter(_copied, one.commands))] for label, one in labelled(following)],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
+
+
+def _copied(command: str) -> bool:
+    """Whether a command is shown: not that of a button of the workbench, where the names of the files are not known."""
+    return not command.startswith("lrm-ident") or UNKNOWN_FILES.model not in command.split()
 
 
 def waterfall_values(story: Story) -> dict[str, Any]:
@@ -177,34 +170,12 @@ def _card(
 def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     """The candidates: the one that the verdict names, its rivals, others with support in the order of `diagnose`, then
     by the error that they would leave."""
-    views = {view["name"]: view for view in found.candidates}
+    views, weighted, order = {view["name"]: view for view in found.candidates}, found.poses.several_kinds, [*Standing]
     named = [(str(EffectRef(advice["effect"], advice["place"])), advice) for advice in ranking]
-    known = [(views[name], advice) for name, advice in named if name in views]
-    first = known[0][1] if known else None
-    weighted, order = found.poses.several_kinds, list(STANDINGS)
-    out = [
-        _candidate(view, advice, _standing(found, view["refused"], advice, first), weighted) for view, advice in known
-    ]
-    top = 0 if first is None or first["verdict"] == "no_evidence" else 1
-    left = {one["name"]: one["heldOut"] * (one["standing"] != BESIDE) for one in out}
+    out = [_candidate(views[name], advice, weighted) for name, advice in named if name in views]
+    top = 0 if not out or out[0]["verdict"] == Support.NO_EVIDENCE else 1
+    left = {one["name"]: one["heldOut"] * (one["standing"] != Standing.BESIDE) for one in out}
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
-
-
-def _standing(found: ModelReport, refused: str, advice: Mapping[str, Any], first: Mapping[str, Any] | None) -> str:
-    """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart."""
-    if advice["verdict"] != "no_evidence":
-        describes = found.diagnosis is not None and found.diagnosis.values["verdict"] == Verdict.EFFECT_DESCRIBES
-        if (advice["verdict"] == SUPPORTED and advice["is_form"]) or (advice is first and describes):
-            return EMPIRICAL
-        return BESIDE if advice is not first and advice["verdict"] == SUPPORTED else str(advice["verdict"])
-    if refused:
-        return "refused"
-    if first is None or first["verdict"] == "no_evidence":
-        return "no_evidence"
-    left, gain = advice["held_out_rms_mm"], _gain(advice, found.poses.several_kinds)
-    if left > (1.0 + AS_WELL) * first["held_out_rms_mm"]:
-        return "partly" if gain is not None and gain > MIN_GAIN * (left + gain) else "no_evidence"
-    return "explains_too" if len(advice["parameters"]) > len(first["parameters"]) else "as_well"
 
 
 def _gain(advice: Mapping[str, Any], weighted: bool) -> float | None:
@@ -218,14 +189,14 @@ def _held(advice: Mapping[str, Any], weighted: bool) -> str:
     return value if not advice["approximate"] else UNKNOWN if weighted else f"≈ {value}"
 
 
-def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str, weighted: bool) -> dict[str, Any]:
+def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], weighted: bool) -> dict[str, Any]:
     return {
         **view,
         "title": plain_name(view["name"]),
         "sketch": words_of(view["name"], "sketch"),
         "verdict": advice["verdict"],
-        "standing": standing,
-        "mark": STANDINGS[standing],
+        "standing": advice["standing"],
+        "mark": f"{MARKS[advice['standing']]} {advice['standing']}",
         "held": _held(advice, weighted),
         "heldOut": advice["held_out_rms_mm"],
         "gain": _gain(advice, weighted),

@@ -65,14 +65,14 @@ function lrmCandidates(page) {
   function details(one) {
     const { cause, formula, needs, source } = one.about, about = [cause, formula, needs && `Shown by ${needs}.`, source].filter(Boolean);
     return lrmHtml`<p>${one.why}</p>
-      <p class="lrm-soft">${one.online ? "The rover corrects it." : "The rover does not correct it."}</p>
+      <p class="lrm-soft">The deployed model ${one.online ? "corrects" : "does not correct"} it on the arm.</p>
       <details class="lrm-soft lrm-explain"><summary>Explain</summary>${about.map((text) => lrmHtml`<p>${text}</p>`)}</details>
       <details class="lrm-soft"><summary>${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}</summary><p>${one.estimates.join(", ")}</p></details>`;
   }
 
   function drawRanking(choose) {
     const v = state.values, some = (test, mark) => v.ranking.some(test) ? [mark] : [];
-    const drawn = (one) => one.gain !== null && !["no_evidence", "refused"].includes(one.standing); // no bar of what chance does as well
+    const drawn = (one) => one.gain !== null && !["no evidence", "cannot be the cause"].includes(one.standing); // no bar of what chance does as well
     const none = v.ranking.length && !v.ranking.some(drawn);
     place("title-effect").textContent = none ? "Effects that were tried" : "Which effect could be missing";
     place("effect-note").textContent = !v.verdict ? "the candidates appear when every effect has been tried"
@@ -83,7 +83,7 @@ function lrmCandidates(page) {
       <p class="lrm-legend lrm-soft">${marks.map((mark) => lrmHtml`<span>${mark}</span>   `)}</p>` : ""));
     const known = v.ranking.filter(drawn), above = (one) => one.heldOut + one.gain - (v.floor ?? 0);
     const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
-    const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate lrm-${one.standing}" data-name="${one.name}" title="${one.mark}">
+    const list = fill("ranking", lrmHtml`${v.ranking.map((one) => lrmHtml`<label class="lrm-candidate" data-name="${one.name}" title="${one.mark}">
         <input type="radio" name="lrm-candidate" value="${one.name}"${one.name === state.candidate ? lrmHtml` checked` : ""}>
         <span class="lrm-bar" style="width: ${drawn(one) ? 100 * Math.max(0, one.gain) / most : 0}%"></span><span class="lrm-mark">${one.mark.split(" ")[0]}</span>
         <span class="lrm-name">${one.title} <small class="lrm-soft">${one.name}</small></span><span class="lrm-held">${one.held}</span></label>`)}`);

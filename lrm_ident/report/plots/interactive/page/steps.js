@@ -23,7 +23,7 @@ function lrmSteps(page) {
   // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
   function tellVerdict() {
     const v = state.values, last = v.steps.length - 1, now = state.step === last, own = now ? v.verdict : v.steps[state.step].verdict;
-    fill("next", now ? following(v) : "");
+    fill("next", now ? following(v.next) : "");
     fill("sketch", now ? lrmSketch(cause()?.sketch) : "");
     fillFacts(now ? v.facts : []);
     const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
@@ -34,11 +34,8 @@ function lrmSteps(page) {
   const parts = (word) => word.split(/(?<=[,/])/).map((part, k) => lrmHtml`${k ? lrmHtml`<wbr>` : ""}${part}`);
   const code = (command) => lrmHtml`<code>${command.split(" ").map((word, k) => lrmHtml`${k ? " " : ""}<span>${parts(word)}</span>`)}</code>`;
 
-  // What to do next: in words, and as commands to copy.
-  function following({ next, commands }) {
-    const copied = commands.map(([command, said, then, lead], k) => lrmHtml`<span class="lrm-next-step">${k ? `${lead}: ` : ""}${command ? code(command) : ""}${said}${then ? lrmHtml` Then:${code(then)}` : ""}</span>`);
-    return next || commands.length ? lrmHtml`Next: ${next}${copied}` : "";
-  }
+  // What to do next, in order: in words, and the commands to copy.
+  const following = (steps) => steps.length ? lrmHtml`<b>Next</b> ${steps.map(([label, said, commands]) => lrmHtml`<div class="lrm-next-step"><b>${label}</b> ${said}${commands.map(code)}</div>`)}` : "";
 
   // Labelled facts of the verdict that is shown: how sure it is first, the others folded.
   function fillFacts(facts) {

@@ -4,7 +4,7 @@
 function lrmStory(page) {
   const { state, fill } = page;
 
-  // One row: what it is, its bar, the error that it leaves. One with a number shows its step; a longer bar is torn off.
+  // One row: what it is, its bar, the error that it leaves. One with a number shows its step; a longer bar is cut, and says so.
   function row(one, scale) {
     const of = (mm) => 100 * Math.min(mm / scale, 1), left = of(one.rms_mm), taken = of(one.before_rms_mm) - left, is = one.number === state.step;
     const small = [one.number && one.kind !== "effect" ? one.kind : "", one.note].filter(Boolean).map((note) => lrmHtml` <small>${note}</small>`);
@@ -12,7 +12,7 @@ function lrmStory(page) {
       : lrmHtml`<button type="button" class="lrm-fall-name" data-step="${one.number}" title="show this step" aria-current="${is ? "step" : "false"}">${one.title}${small}</button>`;
     return lrmHtml`<li class="lrm-fall-row lrm-is-${one.kind.replace(" ", "-")}">${name}<span class="lrm-fall-bar"><i class="lrm-left" style="width: ${left}%"></i>
       ${taken > 0 ? lrmHtml`<i class="lrm-taken" style="left: ${left}%; width: ${taken}%"></i>` : ""}
-      ${Math.max(one.rms_mm, one.before_rms_mm) > scale ? lrmHtml`<i class="lrm-torn"></i>` : ""}</span><span class="lrm-fall-mm">${one.left}</span></li>`;
+      ${Math.max(one.rms_mm, one.before_rms_mm) > scale ? lrmHtml`<i class="lrm-torn"></i>` : ""}${one.rms_mm > scale ? lrmHtml`<small class="lrm-cut">cut, ${Math.round(one.rms_mm / scale)} × as long</small>` : ""}</span><span class="lrm-fall-mm">${one.left}</span></li>`;
   }
 
   function drawStory(showStep) {
