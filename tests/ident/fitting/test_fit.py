@@ -88,8 +88,8 @@ def test_a_fit_predicts_where_its_model_alone_predicts(so101: Arm) -> None:
     effects = [effect for name in ("compliance", "torque_curve@joint2") for effect in effects_at(so101, name)]
     steep = {"compliance.joint2.k_rad_per_Nm": 0.05, "torque_curve.joint2.v1_rad": -0.08}
     truth = model_of(so101, effects, steep)
-    reach = 0.6 * np.array([(joint.lower, joint.upper) for joint in so101.joints]).T
-    poses = poses_of(np.random.default_rng(0).uniform(*reach, (400, so101.dof)))
+    low, high = 0.6 * np.array([(joint.lower, joint.upper) for joint in so101.joints]).T
+    poses = poses_of(np.random.default_rng(0).uniform(low, high, (400, so101.dof)))
     found, elbow = solve_equilibrium(truth, poses), truth.chain.index["joint2.theta"]
     pushed = [slot + 0.08 if k == elbow else slot for k, slot in enumerate(found.slots)]
     other = solve_equilibrium(truth, poses, pushed)
