@@ -17,7 +17,7 @@ from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.least_squares.iteration import LevenbergMarquardt, Optimum
-from lrm_ident.fitting.least_squares.objective import NoiseScale, Objective
+from lrm_ident.fitting.least_squares.objective import NoiseScale, Objective, ObjectiveFromCommand
 from lrm_ident.fitting.least_squares.smoothness import Smoothness
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, nuisance_shapes
@@ -33,6 +33,7 @@ from lrm_math.model.state_after_session import state_after_session
 MAX_STEPS = 60
 MAX_STEPS_WITH_PRIOR = 300  # steps are short along directions that only a prior determines
 IDLE_STEPS = 5  # successive steps that gain next to nothing, after which a fit ends
+SAME_EQUILIBRIUM = 1e-6  # m: far above what the iterations leave (1e-9); several equilibria are farther apart
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
 
@@ -137,9 +138,20 @@ def fit(
     objective = Objective(model, data, loss, smooth.prior)
     scaled = Bounds(limits.lower / objective.typical, limits.upper / objective.typical)
     search = LevenbergMarquardt(objective, smooth, scaled, IDLE_STEPS, start)
-    fitted = _fit_of(search.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR))
+    most_steps = MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR
+    optimum = search.solve(most_steps)
+    if not _is_found_from_command(optimum.iterate.equilibrium):
+        optimum = replace(search, objective=ObjectiveFromCommand(model, data, loss, smooth.prior)).solve(most_steps)
+    fitted = _fit_of(optimum)
     check_arm(fitted.equilibrium, model.free)
     return fitted
+
+
+def _is_found_from_command(followed: Equilibrium) -> bool:
+    """Whether who has the model alone finds these equilibria, or others, where an effect is so steep that a pose has
+    several: the steps of a fit, each begun at the equilibrium before it, may follow one that nobody else finds."""
+    found = solve_equilibrium(followed.model, followed.poses)
+    return bool(np.abs(found.true_tcp - followed.true_tcp).max(initial=0.0) <= SAME_EQUILIBRIUM)
 
 
 def implausible_of(fitted: Fit) -> tuple[ImplausibleEstimate, ...]:

@@ -258,6 +258,15 @@ class Objective:
         return max(robust_scale(iterate.distance, self.data.whitening.measured), MIN_SCALE)
 
 
+class ObjectiveFromCommand(Objective):
+    """The objective at the equilibria that are found from the commanded angles, as whoever has the model finds them."""
+
+    def at(self, z: Array, near: Equilibrium | None) -> Iterate:
+        """The iterate at scaled parameters, whatever is near. Raises `NoEquilibrium`."""
+        model = self.model.with_values_of(self.model.free, z * self.typical)
+        return super().at(z, solve_equilibrium(model, self.data.poses))
+
+
 def _equal(values: Array, others: Array) -> bool:
     """Whether parameters are equal but for the round-off of scaling and back."""
     return bool(np.allclose(values, others, rtol=ROUND_OFF, atol=0.0))

@@ -44,7 +44,10 @@ def _not_identified(assessment: Assessment, why: str) -> str:
 
 
 def _quiet(assessment: Assessment) -> str:
-    """That nothing more is missing; what the model has already stands first, and whether it may be another cause."""
+    """That nothing more is missing; what the model has already stands first, and whether it may be another cause.
+
+    A diagnosis does not know how certain the steps before it were, so it does not call what it meets found.
+    """
     known, verdict = assessment.causes, assessment.report.verdict
     changes = assessment.report.deployed.among_measured is not None
     left = f", {CHANGES}" if changes else f"; {LEFT[verdict]}"
@@ -58,8 +61,7 @@ def _quiet(assessment: Assessment) -> str:
     it = "it" if len(known) == 1 else "them" if len(unsure) == len(known) else enumerate_effects(unsure, NAMED)
     other = f", or another cause that these poses cannot distinguish from {it}" if unsure else ""
     all_corrected = all(on_rover(effect) in CORRECTED for effect in known.values())
-    now = "corrected" if all_corrected else "in the model"
-    return f"Found: {enumerate_effects(known, NAMED)}{other}, now {now}{left}"
+    return f"{'Corrected' if all_corrected else 'In the model'}: {enumerate_effects(known, NAMED)}{other}{left}"
 
 
 def _of_term(assessment: Assessment, term: RankedCandidate) -> str:

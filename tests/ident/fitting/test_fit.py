@@ -83,6 +83,26 @@ def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
         assert result.model.value(key) == pytest.approx(truth.value(key), abs=1e-5 * typical), key
 
 
+def test_a_fit_predicts_where_its_model_alone_predicts(so101: Arm) -> None:
+    """A torque curve so steep that some poses have several equilibria, measured at one that no solver finds first."""
+    effects = [effect for name in ("compliance", "torque_curve@joint2") for effect in effects_at(so101, name)]
+    steep = {"compliance.joint2.k_rad_per_Nm": 0.05, "torque_curve.joint2.v1_rad": -0.08}
+    truth = model_of(so101, effects, steep)
+    low, high = 0.6 * np.array([(joint.lower, joint.upper) for joint in so101.joints]).T
+    poses = poses_of(np.random.default_rng(0).uniform(low, high, (400, so101.dof)))
+    found, elbow = solve_equilibrium(truth, poses), truth.chain.index["joint2.theta"]
+    pushed = [slot + 0.08 if k == elbow else slot for k, slot in enumerate(found.slots)]
+    other = solve_equilibrium(truth, poses, pushed)
+    apart = np.linalg.norm(other.tcp - found.tcp, axis=1)
+    assert apart.max() > 0.02
+    rows = np.unique(np.concatenate([np.arange(60), np.argsort(-apart)[:3]]))
+    data, near = measured(poses, other.tcp).take(rows), other.take(rows)
+    free = tuple(key for key in truth.keys if key.startswith(("torque_curve", "compliance.joint2")))
+    result = fit(replace(truth, free=free), data, near=near)
+    alone = data.position_error(solve_equilibrium(result.model, data.poses))
+    assert np.abs(result.residual - alone).max() < 1e-6
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_noisy_data_give_them_back_within_their_standard_errors(lab: Arm, seed: int) -> None:
     truth, poses = random_truth(lab, seed), random_poses(seed, 300)

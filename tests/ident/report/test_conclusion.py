@@ -72,7 +72,7 @@ def test_a_page_says_that_its_diagnosis_has_another_prior(
 def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -> None:
     report = better_study.diagnose()
     found = conclude(report)
-    assert found.headline == "Found: backlash in joint 2, now corrected; no further systematic error is seen."
+    assert found.headline == "Corrected: backlash in joint 2; no further systematic error is seen."
     assert found.next[0].words == "Give the arm's daemon the model (nothing moves)", "stands at the command"
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert [(step.lead, *step.commands) for step in found.next] == DEPLOYED
@@ -84,8 +84,7 @@ def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study
     among, later = report.deployed.now, replace(report.deployed.now, rms=2.5e-3)
     found = conclude(replace(report, deployed=replace(report.deployed, now=later, among_measured=among)))
     assert found.headline == (
-        "Found: backlash in joint 2, now corrected, but the arm goes on changing: "
-        "earlier poses predict the later ones worse."
+        "Corrected: backlash in joint 2, but the arm goes on changing: earlier poses predict the later ones worse."
     )
     assert dict(found.facts)["as deployed"].startswith("2.50 mm RMS at later poses (0.57 mm among the measured poses)")
 
@@ -109,7 +108,7 @@ def test_one_of_several_causes_is_not_called_the_one(better_study: Study) -> Non
     name = "backlash@joint2"
     found = conclude(replace(better_study.diagnose(), indistinguishable={name: ("cable_spring@joint2",)}))
     assert found.headline == (
-        "Found: backlash in joint 2, or another cause that these poses cannot distinguish from it, now corrected; "
+        "Corrected: backlash in joint 2, or another cause that these poses cannot distinguish from it; "
         "no further systematic error is seen."
     )
     facts = dict(found.facts)
@@ -131,7 +130,7 @@ def test_a_rival_that_was_added_since_is_none(better_study: Study) -> None:
     report = better_study.diagnose()
     spring = next(effect.name for effect in report.diagnosis.fit.model.effects if effect.id == "compliance")
     found = conclude(replace(report, indistinguishable={"backlash@joint2": (spring,)}))
-    assert found.headline.startswith("Found: backlash in joint 2, now corrected")
+    assert found.headline.startswith("Corrected: backlash in joint 2")
 
 
 def test_beside_a_cause_of_the_model_nothing_is_said_of_that_one(better_study: Study) -> None:
