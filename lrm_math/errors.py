@@ -16,8 +16,10 @@ class LrmError(Exception):
 
     def _render_traceback_(self) -> list[str]:
         """Lines that IPython shows in place of a traceback: those of the user's own cells, the message, its notes."""
-        own = [pair for pair in walk_tb(self.__traceback__) if pair[0].f_globals.get("__name__") == "__main__"]
-        lines = [f"line {frame.lineno}: {frame.line}" for frame in StackSummary.extract(iter(own))]
+        frames_of_main = [
+            pair for pair in walk_tb(self.__traceback__) if pair[0].f_globals.get("__name__") == "__main__"
+        ]
+        lines = [f"line {frame.lineno}: {frame.line}" for frame in StackSummary.extract(iter(frames_of_main))]
         return [*lines, f"{type(self).__name__}: {self}", *getattr(self, "__notes__", ())]
 
 

@@ -159,4 +159,4 @@ def _valid_keys(schema: type[BaseModel], table: list[int | str]) -> tuple[str, .
 def _schemas_in(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [found for arg in get_args(annotation) for found in _schemas_in(arg)]
+    return [schema for arg in get_args(annotation) for schema in _schemas_in(arg)]

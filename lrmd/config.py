@@ -42,8 +42,8 @@ def _with_port(endpoint: str) -> str:
         raise ValueError("PROTOCOL/ADDRESS, for instance tcp/127.0.0.1:7447")
     if protocol not in HOST_PROTOCOLS:
         return endpoint
-    found = HOST_AND_PORT.fullmatch(re.split("[?#]", address)[0])
-    if given != protocol or found is None or not 0 < int(found[1]) <= 65_535:
+    match = HOST_AND_PORT.fullmatch(re.split("[?#]", address)[0])
+    if given != protocol or match is None or not 0 < int(match[1]) <= 65_535:
         raise ValueError(f"{protocol}/HOST:PORT, for instance {protocol}/127.0.0.1:7447 or {protocol}/[::1]:7447")
     return endpoint
 
@@ -344,14 +344,14 @@ def _table(name: str, entry: ServoEntry, arm: Arm) -> ServoTable:
             return ServoTable(tuple(map(math.radians, entry.angle_deg)), tuple(p * MICROSECOND for p in entry.pulse_us))
         except LrmError as error:
             raise LrmError(f"servo {name}: {error}") from None
-    known = dict(arm.auxiliary_servos)
-    known |= {n: j.servo for n, j in zip(arm.joint_names, arm.joints, strict=True) if j.servo is not None}
-    if name not in known:
+    numbers_by_name = dict(arm.auxiliary_servos)
+    numbers_by_name |= {n: j.servo for n, j in zip(arm.joint_names, arm.joints, strict=True) if j.servo is not None}
+    if name not in numbers_by_name:
         raise LrmError(
             f"servo {name}: neither a table in the arm file nor angle_deg and pulse_us here; "
-            f"the arm file knows {', '.join(known) or 'none'}"
+            f"the arm file knows {', '.join(numbers_by_name) or 'none'}"
         )
-    return known[name]
+    return numbers_by_name[name]
 
 
 def _check_fits(servo: ServoConfig, clock: PwmClock) -> None:

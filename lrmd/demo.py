@@ -105,8 +105,8 @@ def _await_board(config: Config, end: float) -> None:
 
 def tool(config: Config) -> str:
     """True position (mm) of the simulated arm's tool."""
-    found = query_board(Path(config.link.port), "tcp")
-    return " ".join(f"{float(str(found[axis])):8.1f}" for axis in ("x_mm", "y_mm", "z_mm"))
+    reply = query_board(Path(config.link.port), "tcp")
+    return " ".join(f"{float(str(reply[axis])):8.1f}" for axis in ("x_mm", "y_mm", "z_mm"))
 
 
 def show(rover: Rover, config: Config) -> None:

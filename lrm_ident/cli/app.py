@@ -101,11 +101,11 @@ class LazyGroup(TyperGroup):
         if self.commands[cmd_name] is None:
             import_module(f"lrm_ident.cli.{COMMANDS[cmd_name].module}")
             registered: list[Any] = [*app.registered_groups, *app.registered_commands]
-            found = next(one for one in registered if one.name == cmd_name)
+            entry = next(entry for entry in registered if entry.name == cmd_name)
             self.commands[cmd_name] = (
-                get_command_from_info(found, pretty_exceptions_short=True, rich_markup_mode=None)
-                if isinstance(found, CommandInfo)
-                else get_group(found.typer_instance)
+                get_command_from_info(entry, pretty_exceptions_short=True, rich_markup_mode=None)
+                if isinstance(entry, CommandInfo)
+                else get_group(entry.typer_instance)
             )
         return self.commands[cmd_name]
 

@@ -192,10 +192,10 @@ def photo_poses(
 
 def _length(text: str) -> float:
     """A length with its unit, such as `0.6mm`, in m. Raises `LrmError`."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(um|mm|cm|m)\s*", text)
-    if found is None or not float(found[1]) > 0.0:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(um|mm|cm|m)\s*", text)
+    if match is None or not float(match[1]) > 0.0:
         raise LrmError(f"--until {text}: should be a length with its unit, such as 0.6mm")
-    return float(found[1]) * LENGTH_UNITS[found[2]]
+    return float(match[1]) * LENGTH_UNITS[match[2]]
 
 
 def conclude(result: CampaignResult, total: int | None, output: Path) -> None:
@@ -214,9 +214,9 @@ def conclude(result: CampaignResult, total: int | None, output: Path) -> None:
 def _say(progress: CampaignProgress) -> None:
     if not (progress.notable or progress.done % 10 == 0):
         return
-    left = f", about {_duration(progress.left)} left" if progress.left else ""
+    remaining = f", about {_duration(progress.left)} left" if progress.left else ""
     count = f"{progress.done}/{progress.total}" if progress.total else f"{progress.done}"
-    show(f"[{count}] {progress.words}{left}")
+    show(f"[{count}] {progress.words}{remaining}")
 
 
 def _duration(seconds: float) -> str:
@@ -272,5 +272,5 @@ def verify(
             if model is not None and not accept:
                 require_same_settings(driven.settings, settings_of_model(model), str(model), "--accept it")
             run = GoalRun(driven.arm, driven.solver(model), *parts)
-            found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
-    publish(verification_document(found, earlier), json)
+            visited = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
+    publish(verification_document(visited, earlier), json)

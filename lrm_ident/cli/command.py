@@ -59,11 +59,11 @@ def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[...,
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         """Adds the function to the group under its own name."""
-        own = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
+        command_name = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
         in_short = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
-        examples = examples_of(own) if group is app else None  # `fit` and `motion fit` are different commands
+        examples = examples_of(command_name) if group is app else None  # `fit` and `motion fit` are different commands
         shown = with_options(_checked(function), "reading", READING_OPTIONS, stated_reading)
-        group.command(own, cls=SectionedCommand, short_help=in_short, epilog=examples)(shown)
+        group.command(command_name, cls=SectionedCommand, short_help=in_short, epilog=examples)(shown)
         return function
 
     return register
@@ -89,8 +89,8 @@ def with_options(
             arguments.append(inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=annotation))
         else:
             options.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation))
-    own = {name: [each.replace(annotation=hints[name])] for name, each in signature.parameters.items()}
-    shown = [*chain.from_iterable((own | {parameter: arguments}).values()), *options]
+    annotated = {name: [each.replace(annotation=hints[name])] for name, each in signature.parameters.items()}
+    shown = [*chain.from_iterable((annotated | {parameter: arguments}).values()), *options]
 
     @functools.wraps(function)
     def run(**values: Any) -> None:

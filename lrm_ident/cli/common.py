@@ -129,11 +129,11 @@ def start_model(arm: Arm, model: Path | None) -> Model:
     return fitted
 
 
-def check_arm(path: Path, one: Arm, arm: Arm) -> None:
+def check_arm(path: Path, model_arm: Arm, arm: Arm) -> None:
     """Raises `FileError` if the arm of a model file is not the one that is meant."""
-    if one != arm:
-        differs = f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
-        raise FileError(path, "arm", f"is a model of {one.name}{differs}")
+    if model_arm != arm:
+        differs = f", not of {arm.name}" if model_arm.name != arm.name else ": another arm file of that name"
+        raise FileError(path, "arm", f"is a model of {model_arm.name}{differs}")
 
 
 def read_measurements(
@@ -165,9 +165,9 @@ def notice(*notices: str | Notice) -> None:
 
 def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
     """The one of the names that is meant. Raises `UnknownName`."""
-    for known in names:
-        if known == name:
-            return known
+    for allowed in names:
+        if allowed == name:
+            return allowed
     raise UnknownName(what, name, names)
 
 

@@ -35,10 +35,10 @@ def stiffness(
     figure: arg.FigureFile = None,
 ) -> None:
     """Measure the stiffness of one servo under load: slope, linearity, hysteresis between loading and unloading."""
-    found = run_stiffness(load_servo_test(data))
-    publish(stiffness_document(found), json)
+    result = run_stiffness(load_servo_test(data))
+    publish(stiffness_document(result), json)
     if figure:
-        draw_stiffness(found, figure)
+        draw_stiffness(result, figure)
         show(f"Figure written to {figure}, its data are {data}")
 
 
@@ -66,12 +66,12 @@ def align(
     if (raw is None) != (output is None):
         raise LrmError("--raw and -o go together: raw readings in, measurements out")
     readings = load_tracked(fixture)
-    known = parse_numbers("--known-mm", known_mm, "three numbers by commas, for instance 245,0,40", count=3)
-    found = run_align(readings, np.array(known) * MM)
-    publish(alignment_document(found), json)
+    known_points = parse_numbers("--known-mm", known_mm, "three numbers by commas, for instance 245,0,40", count=3)
+    alignment = run_align(readings, np.array(known_points) * MM)
+    publish(alignment_document(alignment), json)
     if raw and output:
-        text, tracked = measurements_from(raw, load_arm(arm), found.deviation)
-        if tracked.base_scatter() > STILL * float(np.linalg.norm(found.noise)):
+        text, tracked = measurements_from(raw, load_arm(arm), alignment.deviation)
+        if tracked.base_scatter() > STILL * float(np.linalg.norm(alignment.noise)):
             notice(f"{raw.name}: the base target wanders by {in_mm(tracked.base_scatter())} mm RMS")
         write_text(output, text)
         show(f"{len(tracked.tcp)} measurements written to {output}")

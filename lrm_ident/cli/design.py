@@ -99,11 +99,11 @@ def choose_poses(
     keys = _parameters_of(nominal, parameters, measured)
     model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
-        found = select_poses(model, measured, count, kind, physical, seed, tick)
+        selection = select_poses(model, measured, count, kind, physical, seed, tick)
     placed = measured.with_tcp(measured.places(solve_equilibrium(model, measured.poses)))
-    publish(choice_document(model, found, placed), json, figure, partial(draw_choice, found, placed))
+    publish(choice_document(model, selection, placed), json, figure, partial(draw_choice, selection, placed))
     if output:
-        write_text(output, measurements_csv(measured.take(found.rows)))
+        write_text(output, measurements_csv(measured.take(selection.rows)))
         show(f"{count} measurements written to {output}")
 
 
@@ -204,11 +204,11 @@ def design(
     if camera is not None and like is not None:
         raise LrmError("--camera says how poses will be measured: leave out --like")
     usual = None if model is None else _reading_of(model)
-    known = None if have is None else _measured(have, the_arm, arm, usual)
-    alike = known if like is None else _measured(like, the_arm, arm, usual)
-    measured = None if have is None else _commanded(have, the_arm, known)
-    for one in (known, alike):
-        start = start if one is None else with_set_up(start, one)
+    measured_before = None if have is None else _measured(have, the_arm, arm, usual)
+    alike = measured_before if like is None else _measured(like, the_arm, arm, usual)
+    measured = None if have is None else _commanded(have, the_arm, measured_before)
+    for poses_file in (measured_before, alike):
+        start = start if poses_file is None else with_set_up(start, poses_file)
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, _floor(floor_mm, the_arm, apart_mm * MM))
@@ -227,26 +227,26 @@ def design(
         noise=noise_mm * MM,
         measured=measured,
         repeats=(0 if installation else REPEATS) if repeats is None else repeats,
-        first_number=_next_number(measured, known),
+        first_number=_next_number(measured, measured_before),
         seed=seed,
         weights=_weights(session, alike, the_arm),
-        measured_weights=None if known is None else known.whitening,
+        measured_weights=None if measured_before is None else measured_before.whitening,
         prior=None if mounted is None else mounted.covariance,
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
         offer = _offer(movable, poses, levels, loads, rules, seed, session)
         try:
-            found = next_poses(task, offer, tick, pool)
+            offered = next_poses(task, offer, tick, pool)
         except IndistinguishableByOffer as error:
             plan = error.advice.plan if error.advice.helps else None
             options = "" if plan is None else f" (--separate … {plan_options(plan)})"
             raise LrmError(f"{error}. {advice_sentence(error.advice)}{options}") from None
-    publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
+    publish(design_document(task, offer, offered), json, figure, partial(draw_design, task, offer, offered), show_all)
     if floor_mm != "none":
-        _say_floor(movable, found.poses.q, None if poses is not None else rules.floor)
+        _say_floor(movable, offered.poses.q, None if poses is not None else rules.floor)
     if output:
-        write_text(output, pose_table(found).csv())
-        show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
+        write_text(output, pose_table(offered).csv())
+        show(f"{len(offered.poses)} poses written to {output}, in the order to measure them")
     else:
         show("Not saved; give -o POSES.csv to keep it.")
 
@@ -281,8 +281,8 @@ def identify_parameters(
     start = start_model(the_arm, model)
     keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)
     settled = solve_equilibrium(start, read_poses(poses, the_arm))
-    found = eliminate(settled, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
-    publish(elimination_document(start, found), json, figure, partial(draw_elimination, found), show_all)
+    elimination = eliminate(settled, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
+    publish(elimination_document(start, elimination), json, figure, partial(draw_elimination, elimination), show_all)
 
 
 def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[str, ...]:
@@ -291,8 +291,8 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
         parameters = "option1" if set(TABLE_4_5) <= set(model.keys) else "identifiable"
     if parameters != "identifiable":
         return select_parameters(model, parameters)
-    found = fit_identifiable(model, data, fittable(model)).fit
-    return select_identifiable(found.equilibrium, found.model.free, found.sigma, data.whitening).kept
+    fit = fit_identifiable(model, data, fittable(model)).fit
+    return select_identifiable(fit.equilibrium, fit.model.free, fit.sigma, data.whitening).kept
 
 
 def _keys(model: Model, parameters: str) -> tuple[str, ...] | None:
@@ -309,8 +309,8 @@ def _mounted(arm: Arm, bench: Path | None, noise: float) -> TransferredModel:
 
 def _reading_of(model: Path) -> Reading | None:
     """How the data of a model's fit were read. Raises `FileError`."""
-    known = read_toml(model, ModelFile).provenance
-    return None if known is None else known.reading
+    provenance = read_toml(model, ModelFile).provenance
+    return None if provenance is None else provenance.reading
 
 
 def _measured(path: Path, arm: Arm, arm_name: str, usual: Reading | None) -> Measurements | None:

@@ -100,13 +100,13 @@ def add(
         study = identifiable(read)
         after = study.add(effect)
         notice(*after.notices[len(study.notices) :])
-        before, errors, known = after.errors_before, after.errors, study.covariance
+        before, errors, covariance = after.errors_before, after.errors, study.covariance
     if not force:
         check_replaces(output, len(after.file.history))
     after.save(output)
     show(f"Model written to {output}")
     files = str(output), str(data)
-    publish(step_document(effect, after.taken, before, errors, known, files), json, in_full=show_all)
+    publish(step_document(effect, after.taken, before, errors, covariance, files), json, in_full=show_all)
 
 
 @command
@@ -153,12 +153,12 @@ def auto(
     begun, taken = monotonic(), list[Step]()
     rates = None if prior is None else load_rates(prior)
 
-    def on_step(step: Step, now: Study) -> None:
+    def on_step(step: Step, after: Study) -> None:
         """Prints a step on stderr as soon as it is taken; its model is on disk whatever comes then."""
         taken.append(step)
         pause()
         write(log, step_blocks(taken, nominal_rms(study)))
-        now.save(output)
+        after.save(output)
 
     with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):
         course, then = replace(study, progress=tick).auto(max_effects, rates, on_step)
@@ -257,15 +257,15 @@ def propose(
     from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 
     with opened(model, data, effects_file, reading) as study:
-        found = identifiable(study).propose()
-    publish(proposal_document(found), json)
-    if found.best is None:
+        proposal = identifiable(study).propose()
+    publish(proposal_document(proposal), json)
+    if proposal.best is None:
         return
-    law = found.best.law
+    law = proposal.best.law
     if output is None:
         show("Not saved; give -o LAW.py to keep it.")
     else:
-        write_text(output, found.best.source)
+        write_text(output, proposal.best.source)
         show(
             f"Formula written to {output}",
             f"Add it with: lrm-ident add {model} {data} {law_id(law)}@joint{law.joint + 1} "

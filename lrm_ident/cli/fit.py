@@ -181,9 +181,9 @@ def compare(
     """
     part = Measurements.only if left_out else Measurements.without
     with opened(model, data, effects_file, reading, part) as study:
-        known = study.file.provenance
-        if known and known.data_sha256 != study.data.source.sha256:
-            notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
+        provenance = study.file.provenance
+        if provenance and provenance.data_sha256 != study.data.source.sha256:
+            notice(f"the model was fitted to {provenance.data}; its error here is on poses it never saw")
         comparison = study.compare()
     if mcap is not None:
         from lrm_ident.report.model_report import models_on_data
@@ -199,8 +199,8 @@ def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
     """Undo the last step of a model: the model file before it, with the same numbers."""
     restored = undo_step(read_toml(model, ModelFile))
     write_model(output, restored, arm_from(model, restored.arm))
-    known = restored.provenance
-    how = "" if known is None else fit_words(known.loss, known.left_out)
+    provenance = restored.provenance
+    how = "" if provenance is None else fit_words(provenance.loss, provenance.left_out)
     show(f"Undone: the last step{how and f' ({how})'}; model written to {output}")
 
 
@@ -227,12 +227,12 @@ def effects(
 
 def _beside_default(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:
     """The fit beside one with typical sizes, or beside the reason why there is none."""
-    known = PriorComparison(prior, fitted.taken.fit, fitted.held_out, "", HeldOutResidual(None))
+    comparison = PriorComparison(prior, fitted.taken.fit, fitted.held_out, "", HeldOutResidual(None))
     try:
         default = begun.fit(parameters, fitted.loss, unbounded=unbounded)
     except LrmError as error:
-        return replace(known, default=str(error), default_held_out=HeldOutResidual(None, str(error)))
-    return replace(known, default=default.taken.fit, default_held_out=default.held_out)
+        return replace(comparison, default=str(error), default_held_out=HeldOutResidual(None, str(error)))
+    return replace(comparison, default=default.taken.fit, default_held_out=default.held_out)
 
 
 def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
@@ -247,8 +247,8 @@ def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path 
     model = nominal_model(arm, names, catalogue)
     if loaded is None:
         return model
-    known = {key: loaded.value(key) for key in loaded.keys if key in model.keys}
-    return model_of(arm, model.effects, known)
+    values = {key: loaded.value(key) for key in loaded.keys if key in model.keys}
+    return model_of(arm, model.effects, values)
 
 
 def _predictions(settled: Equilibrium) -> ResultTable:

@@ -41,13 +41,13 @@ def report(
     if output.suffix.lower() not in PAGES:
         raise FileError(output, "", f"a page is no {output.suffix or 'nameless'} file", f"name it {PAGES[0]}")
     with opened(model, data, effects_file, reading) as study:
-        found = with_comparison(quick_report(study), study.compare())
+        result = with_comparison(quick_report(study), study.compare())
         names = CommandNames(str(model), str(data), study.file.arm)
-        found = with_diagnosis(found, identifiable(study).diagnose(), names)
-    write_text(output, html_report(found))
+        result = with_diagnosis(result, identifiable(study).diagnose(), names)
+    write_text(output, html_report(result))
     if json:
-        write_text(json, found.document().json())
-    told = [] if found.conclusion is None else found.conclusion.blocks()
+        write_text(json, result.document().json())
+    told = [] if result.conclusion is None else result.conclusion.blocks()
     show(*told, "", f"Report written to {output}. Open it in a browser; it needs no network.")
 
 

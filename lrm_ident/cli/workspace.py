@@ -98,8 +98,8 @@ def reach(
         for number, (each, scene) in enumerate(zip(compared, scenes, strict=True)):
             maps.append(capability_map(each.arm, grid, tools, scene, margin, _part(tick, number, len(compared))))
     seconds = perf_counter() - started
-    found = VariantComparison(compared, tuple(maps), boxes, directions * rolls, checked, seconds)
-    publish(reach_document(found), json, figure, partial(draw_reach, found))
+    comparison = VariantComparison(compared, tuple(maps), boxes, directions * rolls, checked, seconds)
+    publish(reach_document(comparison), json, figure, partial(draw_reach, comparison))
 
 
 def _given_or_default(given: list[str] | None, usual: Sequence[str]) -> list[str]:
@@ -119,7 +119,7 @@ def _check_names(option: str, names: Sequence[str]) -> None:
 
 
 def _pair(words: str) -> tuple[str, str]:
-    one, colon, other = (part.strip() for part in words.partition(":"))
-    if not (one and colon and other):
+    first, colon, other = (part.strip() for part in words.partition(":"))
+    if not (first and colon and other):
         raise LrmError(f"--may-touch {words}; should be two shapes, for instance fingers:ground")
-    return one, other
+    return first, other

@@ -66,10 +66,10 @@ def _says_itself(file: Path, suffix: str) -> bool:
     """Whether a file says by its schema that it is a result of the tool."""
     if suffix == ".json":
         try:
-            found = json.loads(file.read_bytes())
+            content = json.loads(file.read_bytes())
         except (OSError, ValueError):
             return False
-        return isinstance(found, dict) and str(found.get("schema", "")).startswith("lrm/")
+        return isinstance(content, dict) and str(content.get("schema", "")).startswith("lrm/")
     return suffix == ".toml" and (schema_of(file) or "").startswith(RESULTS)
 
 
@@ -95,7 +95,7 @@ def check_outputs(outputs: Mapping[str, Path], inputs: Iterable[Path], appended:
     taken: dict[Path, str] = {}
     for option, path in outputs.items():
         target = path.resolve()
-        if any(_same(target, one) for one in read):
+        if any(_same(target, source) for source in read):
             raise FileError(path, "", f"{option} is an input of the command", "write the result to another file")
         if target in taken:
             raise FileError(path, "", f"{taken[target]} and {option} are the same file", "give them different names")

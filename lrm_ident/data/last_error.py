@@ -43,13 +43,13 @@ def last_error() -> tuple[str, ...]:
 
 def places(error: Exception) -> list[str]:
     """Lines of the project's code where an error came up, outermost first, without the machine's own paths."""
-    found = []
+    frames = []
     for frame in extract_tb(error.__traceback__):
         parts = Path(frame.filename).parts
-        start = next((len(parts) - 1 - parts[::-1].index(own) for own in OWN if own in parts), None)
+        start = next((len(parts) - 1 - parts[::-1].index(package) for package in OWN if package in parts), None)
         if start is not None:
-            found.append(f"  {'/'.join(parts[start:])}:{frame.lineno} {frame.name}")
-    return found
+            frames.append(f"  {'/'.join(parts[start:])}:{frame.lineno} {frame.name}")
+    return frames
 
 
 def _file_name(word: str) -> str:

@@ -57,7 +57,7 @@ class Measurements:
         of = "" if self.source.arm is None else f" of {self.source.arm.name}"
         poses, joints = len(self), self.poses.q.shape[1]
         there = {
-            **{one.words: bool(one.measured.any()) for one in self.observations},
+            **{observation.words: bool(observation.measured.any()) for observation in self.observations},
             "standard deviations": self.sd is not None,
             "payloads": bool(self.poses.payload.any()),
             "times": self.poses.t is not None,
@@ -85,7 +85,7 @@ class Measurements:
 
     def of(self, kind: type[Observed]) -> list[Observed]:
         """The observations of a kind: one, or none."""
-        return [one for one in self.observations if isinstance(one, kind)]
+        return [observation for observation in self.observations if isinstance(observation, kind)]
 
     def beside(self, *more: Observation) -> Measurements:
         """The same with further observations."""
@@ -111,32 +111,37 @@ class Measurements:
     @property
     def sd(self) -> Array | None:
         """(N,), standard deviation of each position per axis (m), else of what else in metres was measured; or None."""
-        found = None
-        for one in self.observations:
-            if one.is_length and one.rms_sd is not None and one.measured.any():
-                sd = np.where(one.measured, one.rms_sd, np.nan)
-                found = sd if found is None else np.where(np.isnan(found), sd, found)
-        return found
+        sd_known = None
+        for observation in self.observations:
+            if observation.is_length and observation.rms_sd is not None and observation.measured.any():
+                sd = np.where(observation.measured, observation.rms_sd, np.nan)
+                sd_known = sd if sd_known is None else np.where(np.isnan(sd_known), sd, sd_known)
+        return sd_known
 
     @property
     def sensed(self) -> Sensed:
         """Quantities that were measured."""
-        return Sensed(tuple(one.measurand for one in self.observations))
+        return Sensed(tuple(observation.measurand for observation in self.observations))
 
     @property
     def several_kinds(self) -> bool:
         """Whether numbers of several kinds are weighed together."""
-        return sum(bool(one.measured.any()) for one in self.observations) > 1
+        return sum(bool(observation.measured.any()) for observation in self.observations) > 1
 
     @property
     def first(self) -> Observation:
         """The first that was measured of those in metres: the errors that are reported."""
-        return next((one for one in self.observations if one.is_length and one.measured.any()), self.positions)
+        return next(
+            (observation for observation in self.observations if observation.is_length and observation.measured.any()),
+            self.positions,
+        )
 
     def rows_of(self, observation: Observation) -> slice:
         """Rows of an observation in the residual of a pose."""
         spans = self.sensed.spans(self.poses.q.shape[1])
-        return next(rows for one, (_, rows) in zip(self.observations, spans, strict=True) if one is observation)
+        return next(
+            rows for observed, (_, rows) in zip(self.observations, spans, strict=True) if observed is observation
+        )
 
     @property
     def measured_rows(self) -> int:
@@ -145,11 +150,11 @@ class Measurements:
 
     def position_error(self, settled: Equilibrium) -> Array:
         """(N, 3), measured less predicted TCP (m); where no position was measured, what shows of it."""
-        return _first_known([one.shift(settled) for one in self.observations])
+        return _first_known([observation.shift(settled) for observation in self.observations])
 
     def turn_error(self, settled: Equilibrium) -> Array:
         """(N, 3), measured less predicted orientation of the tool as rotation vectors (rad); NaN where not measured."""
-        return _first_known([one.turn(settled) for one in self.observations])
+        return _first_known([observation.turn(settled) for observation in self.observations])
 
     def errors(self, settled: Equilibrium) -> ErrorStats:
         """Statistics of the errors of positions, and of orientations where there are any."""
@@ -161,7 +166,7 @@ class Measurements:
 
     def residual(self, settled: Equilibrium) -> Array:
         """(N, R), what was measured less what the model predicts: m, rad; zero where nothing was measured."""
-        parts = [one.residual(settled) for one in self.observations]
+        parts = [observation.residual(settled) for observation in self.observations]
         return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
 
     def noting(self, *notices: str) -> Measurements:
@@ -178,7 +183,7 @@ class Measurements:
         return replace(
             self,
             poses=self.poses.turned(rotation),
-            observations=tuple(one.turned(rotation, translation) for one in self.observations),
+            observations=tuple(observation.turned(rotation, translation) for observation in self.observations),
             _complete=None if self._complete is None else self._complete.turned(rotation, translation),
         )
 
@@ -197,7 +202,7 @@ class Measurements:
         return replace(
             self,
             poses=self.poses.take(chosen),
-            observations=tuple(one.take(chosen) for one in self.observations),
+            observations=tuple(observation.take(chosen) for observation in self.observations),
             pose=self.pose[chosen],
             repeat_of=self.repeat_of[chosen],
             _complete=None,
@@ -228,7 +233,7 @@ def every_pose(data: Measurements) -> Measurements:
 
 def _first_known(errors: Sequence[Array]) -> Array:
     """(N, 3), the first of several errors that is known of each pose, else NaN."""
-    found = errors[0]
+    first_error = errors[0]
     for other in errors[1:]:
-        found = np.where(np.isnan(found), other, found)
-    return found
+        first_error = np.where(np.isnan(first_error), other, first_error)
+    return first_error

@@ -32,12 +32,12 @@ def quaternions(R: Array) -> Array:
 
 
 def _where_known(R: Array, size: int, numbers: Callable[[Rotation], Array]) -> Array:
-    known = ~np.isnan(R[:, 0, 0])
+    is_known = ~np.isnan(R[:, 0, 0])
     out = np.full((len(R), size), np.nan)
-    if known.any():
+    if is_known.any():
         from scipy.spatial.transform import Rotation
 
-        out[known] = numbers(Rotation.from_matrix(R[known]))
+        out[is_known] = numbers(Rotation.from_matrix(R[is_known]))
     return out
 
 

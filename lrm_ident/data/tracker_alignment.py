@@ -68,14 +68,14 @@ class Alignment:
     readings: int
 
 
-def align(tracked: TrackerReadings, known: Array) -> Alignment:
-    """Deviation from readings of a fixture that holds the TCP target at `known` (3,), m, in the base target's frame."""
+def align(tracked: TrackerReadings, reference: Array) -> Alignment:
+    """Deviation from readings of a fixture that holds the TCP target at `reference` (3,), m, in the base's frame."""
     measured, n = tracked.in_base(), len(tracked.tcp)
     columns = (tracked.base, tracked.turn, tracked.tcp)
     without = [TrackerReadings(*(np.delete(column, row, axis=0) for column in columns)) for row in range(n)]
     means = np.array([readings.in_base().mean(axis=0) for readings in without])
     error = np.sqrt((n - 1) * means.var(axis=0))  # jackknife: includes the base target's noise
-    return Alignment(measured.mean(axis=0) - known, error, measured.std(axis=0, ddof=1), n)
+    return Alignment(measured.mean(axis=0) - reference, error, measured.std(axis=0, ddof=1), n)
 
 
 def mean_quaternion(turn: Array) -> Array:

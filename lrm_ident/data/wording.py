@@ -110,7 +110,7 @@ def enumerate_words(names: Sequence[str], most: int) -> str:
 
 def joint_labels(arm: Arm) -> tuple[str, ...]:
     """Names of an arm's joints as its own description has them, joint1, joint2 … where it has none."""
-    return tuple(joint.name or own for joint, own in zip(arm.joints, arm.joint_names, strict=True))
+    return tuple(joint.name or default for joint, default in zip(arm.joints, arm.joint_names, strict=True))
 
 
 def named_joints(arm: Arm) -> str:

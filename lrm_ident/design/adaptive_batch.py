@@ -95,12 +95,14 @@ def assess(data: Measurements) -> AdaptiveFindings:
     )
 
 
-def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
+def next_rows(
+    findings: AdaptiveFindings, measured: Poses, candidates: Poses, count: int, seed: int
+) -> NDArray[np.int64]:
     """Rows (count,) of the candidates to measure next; fewer if there are no more."""
-    problem = DesignProblem(found.model, None, (), count, "O1", found.noise, measured, 0, 1, seed)
-    if found.rivals:
+    problem = DesignProblem(findings.model, None, (), count, "O1", findings.noise, measured, 0, 1, seed)
+    if findings.rivals:
         with suppress(LrmError):  # where no choice of these candidates can tell them apart, the parameters are next
-            return _chosen(replace(problem, model=found.before, rivals=found.rivals), candidates)
+            return _chosen(replace(problem, model=findings.before, rivals=findings.rivals), candidates)
     return _chosen(problem, candidates)
 
 
@@ -109,21 +111,21 @@ def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: i
     return _chosen(DesignProblem(model, None, (), count, "O1", TRACKER_SD, measured, 0, 1, seed), candidates)
 
 
-def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses, seed: int) -> int | None:
+def random_poses_as_good(findings: AdaptiveFindings, measured: Poses, every: Poses, seed: int) -> int | None:
     """Number of random poses that would be expected to place the TCP as well as those measured (median draw).
 
     By the covariance of the fitted parameters. None: not even all of them.
     """
-    settled, keys = solve_equilibrium(found.model, every), found.model.free
+    settled, keys = solve_equilibrium(findings.model, every), findings.model.free
     columns = identification_jacobian(settled, keys)
-    own = identification_jacobian(solve_equilibrium(found.model, measured), keys)
-    wanted = _uncertainty(own, columns, found.noise)
+    jacobian = identification_jacobian(solve_equilibrium(findings.model, measured), keys)
+    wanted = _uncertainty(jacobian, columns, findings.noise)
     rng = np.random.default_rng(seed)
 
     def needed(order: NDArray[np.int64]) -> int:
         """Number of poses in an order that are enough, one more than all where these are not."""
         counts = range(len(every) + 1)  # the uncertainty only falls with every further pose
-        enough = lambda count: _uncertainty(columns[order[:count]], columns, found.noise) <= wanted  # noqa: E731
+        enough = lambda count: _uncertainty(columns[order[:count]], columns, findings.noise) <= wanted  # noqa: E731
         return bisect_left(counts, True, lo=len(keys) // 3, key=enough)
 
     median = int(np.median([needed(rng.permutation(len(every))) for _ in range(DRAWS)]))
@@ -144,7 +146,7 @@ def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
     rng = np.random.default_rng([problem.seed, already])
     offered = rng.choice(len(candidates), min(OFFERED, len(candidates)), replace=False)
     few = replace(candidates.take(offered), direction=None, number=None)
-    found = design(problem, few)
+    designed = design(problem, few)
     row_of = {(q.tobytes(), load): row for row, q, load in zip(offered, few.q, few.payload.tolist(), strict=True)}
-    keys = zip(found.poses.q, found.poses.payload.tolist(), strict=True)
+    keys = zip(designed.poses.q, designed.poses.payload.tolist(), strict=True)
     return np.array(sorted({int(row_of[q.tobytes(), load]) for q, load in keys}))

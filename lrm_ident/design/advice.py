@@ -107,13 +107,13 @@ def advise(
     for count, kilograms in _recipes(measured, most):
         if count > COUNTS[0] and any(pair.cosine > EQUIVALENCE_COSINE for pair in best.alike):
             break  # more poses of the same kind do not change how alike two motions are
-        found = _advice(model, causes, measured, noise, seed, count, kilograms)
-        if found is None:
+        advice = _advice(model, causes, measured, noise, seed, count, kilograms)
+        if advice is None:
             continue
-        if found.works:
-            return found
-        if best.plan is None or _least(found.pairs) > _least(best.pairs):
-            best = found
+        if advice.works:
+            return advice
+        if best.plan is None or _least(advice.pairs) > _least(best.pairs):
+            best = advice
     return best
 
 
@@ -127,15 +127,16 @@ def advise_beside(model: Model, present: Effect, rivals: Sequence[Effect], measu
     values = dict(zip(present.parameters, map(model.value, present.keys), strict=True))
     shape = tuple(0.0 if parameter.fixed is None else value for parameter, value in values.items())
     size = np.array([value / parameter.typical for parameter, value in values.items() if parameter.fixed is None])
-    found = CandidateCause(present, unfitted_rows(present, without.free), size, shape)
+    present_cause = CandidateCause(present, unfitted_rows(present, without.free), size, shape)
     alike = [CandidateCause.typical(effect, without.free) for effect in rivals]
-    known = cause_columns(without, [found, *alike], [measured], noise)
-    motion = known.left(known.columns[0][0] @ size[:, None])[:, 0]
+    columns_of = cause_columns(without, [present_cause, *alike], [measured], noise)
+    motion = columns_of.left(columns_of.columns[0][0] @ size[:, None])[:, 0]
     fitted = [
-        min((_like(motion, known.left(one)) for one in shapes), key=itemgetter(1)) for shapes in known.columns[1:]
+        min((_like(motion, columns_of.left(column)) for column in shapes), key=itemgetter(1))
+        for shapes in columns_of.columns[1:]
     ]
     sized = [replace(cause, size=theta) for cause, (theta, _) in zip(alike, fitted, strict=True)]
-    return advise(without, (found, *sized), measured, noise)
+    return advise(without, (present_cause, *sized), measured, noise)
 
 
 def _like(motion: Array, columns: Array) -> tuple[Array, float]:
@@ -195,9 +196,9 @@ def _advice(
     problem = DesignProblem(model, model.free, rivals, count, "O1", noise, measured, 0, 1, seed, causes=tuple(causes))
     hold = 0.0
     try:
-        found = design(problem, every)
-        poses, pairs = as_measured(found.poses, measured, found.hold), found.pairs
-        hold = found.dwell
+        designed = design(problem, every)
+        poses, pairs = as_measured(designed.poses, measured, designed.hold), designed.pairs
+        hold = designed.dwell
     except LrmError:
         rng = np.random.default_rng(seed)
         poses = as_measured(every.take(rng.choice(len(every), count, replace=False)), measured)

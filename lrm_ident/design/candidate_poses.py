@@ -121,13 +121,13 @@ def random_poses(arm: Arm, count: int, rules: ClearanceRules, seed: int) -> Arra
     """(K, n), at most `count` angles (rad), drawn evenly between the limits, that keep the rules."""
     rng = np.random.default_rng(seed)
     low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
-    found = np.empty((0, arm.dof))
+    accepted = np.empty((0, arm.dof))
     for _ in range(MOST_DRAWS):
-        if len(found) >= count:
+        if len(accepted) >= count:
             break
         q = rng.uniform(low, high, size=(2 * count, arm.dof))
-        found = np.concatenate([found, q[keeps_rules(arm, q, rules)]])
-    return found[:count]
+        accepted = np.concatenate([accepted, q[keeps_rules(arm, q, rules)]])
+    return accepted[:count]
 
 
 def keeps_rules(arm: Arm, q: Array, rules: ClearanceRules) -> NDArray[np.bool_]:
@@ -147,8 +147,8 @@ def lowest_point(arm: Arm, q: Array) -> float:
 def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
     """Frames (N, n + 2, 4, 4) of the links and their origins (N, n + 2, 3), m."""
     chain = chain_of(arm)
-    found = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
-    return found, found[:, :, :3, 3]
+    placed = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
+    return placed, placed[:, :, :3, 3]
 
 
 def violated_rules(arm: Arm, q: Array, rules: ClearanceRules) -> dict[str, NDArray[np.bool_]]:

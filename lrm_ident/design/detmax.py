@@ -86,8 +86,8 @@ def maximise_criterion(
     rng = np.random.default_rng(seed)
     first = [rng.choice(criterion.count, n, replace=False) for _ in range(starts)]
     with nullcontext(executor) if executor else in_this_process() as pool:
-        found = in_order(pool, partial(_climb, criterion), first, progress)
-    return max(found, key=lambda one: one.score)
+        designs = in_order(pool, partial(_climb, criterion), first, progress)
+    return max(designs, key=lambda designed: designed.score)
 
 
 def _climb(criterion: Criterion, rows: Rows) -> ExchangeResult:

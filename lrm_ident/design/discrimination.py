@@ -86,9 +86,11 @@ def rival_columns(
         if not rows:
             why = "has nothing that is not fitted already; name effects that the model lacks"
             raise UnsuitableRival(effect.name, why)
-    found = differentiate_candidates(solve_equilibrium(model, with_borne_loads(model, poses)), wanted, sensed)[1]
+    differentiated = differentiate_candidates(solve_equilibrium(model, with_borne_loads(model, poses)), wanted, sensed)[
+        1
+    ]
     each = sensed.rows(model.arm.dof)
-    return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), each, -1) for candidate in found]
+    return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), each, -1) for candidate in differentiated]
 
 
 def _default_columns(candidate: Candidate) -> Array:
@@ -119,15 +121,15 @@ def discrimination_of(
 def _test(effect: Effect, others: Array, columns: Array, noise: float) -> Rival:
     live = np.flatnonzero(columns.any(axis=0))  # a drift with temperature moves nothing where none is measured
     name, columns = effect.name, columns[:, live]
-    own = _project_out(others, columns)
-    rows, size = own.shape
+    independent = _project_out(others, columns)
+    rows, size = independent.shape
     if not size:
         return Rival(name, (), TEST_LEVEL, None)
     freedom = rows - others.shape[1] - size
-    values = np.linalg.svd(own, compute_uv=False) / noise
+    values = np.linalg.svd(independent, compute_uv=False) / noise
     if freedom < 1 or values[-1] <= ROUND_OFF * float(np.linalg.norm(columns)) / noise:
         return Rival(name, (), TEST_LEVEL, None)
-    error = np.sqrt(np.diag(np.linalg.inv(own.T @ own))) * noise
+    error = np.sqrt(np.diag(np.linalg.inv(independent.T @ independent))) * noise
     free = [[p for p in effect.parameters if p.fixed is None][k] for k in live]
     errors = tuple((p.name, float(e * p.typical / p.si)) for p, e in zip(free, error, strict=True))
     noncentrality = float(values[-1] ** 2)
@@ -151,7 +153,7 @@ def _required_noncentrality(size: int, freedom: int) -> float:
     return float(brentq(lambda x: _power(x, size, freedom) - TARGET_POWER, 0.0, enough))
 
 
-def _project_out(known: Array, columns: Array) -> Array:
+def _project_out(basis: Array, columns: Array) -> Array:
     """The columns less their least-squares fit by the known ones."""
-    share, *_ = np.linalg.lstsq(known, columns, rcond=1e-12)
-    return np.asarray(columns - known @ share)
+    share, *_ = np.linalg.lstsq(basis, columns, rcond=1e-12)
+    return np.asarray(columns - basis @ share)

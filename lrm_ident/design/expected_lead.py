@@ -110,20 +110,20 @@ def expected(
     model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float
 ) -> tuple[CausePair, ...]:
     """Every cause beside every other one, on all poses of the parts. `noise`: m per axis."""
-    known = cause_columns(model, causes, parts, noise)
-    own = [[known.left(shape) for shape in shapes] for shapes in known.columns]
-    bases = [[orthonormal_basis(columns) for columns in shapes] for shapes in own]
-    found = []
-    for (a, one), (b, other) in permutations(enumerate(causes), 2):
+    columns_of = cause_columns(model, causes, parts, noise)
+    unexplained = [[columns_of.left(shape) for shape in shapes] for shapes in columns_of.columns]
+    bases = [[orthonormal_basis(columns) for columns in shapes] for shapes in unexplained]
+    leads = []
+    for (a, cause), (b, other) in permutations(enumerate(causes), 2):
         apart, likely, best = min(
-            (_distance(own[a][k] @ one.size, basis), k, j)
-            for k in range(known.likely[a])
+            (_distance(unexplained[a][k] @ cause.size, basis), k, j)
+            for k in range(columns_of.likely[a])
             for j, basis in enumerate(bases[b])
         )
-        cosine = principal_cosine(own[a][likely], own[b][best])
-        names = one.effect.name, other.effect.name
-        found.append(CausePair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
-    return tuple(found)
+        cosine = principal_cosine(unexplained[a][likely], unexplained[b][best])
+        names = cause.effect.name, other.effect.name
+        leads.append(CausePair(*names, apart / (2.0 * noise), cosine, _share_a_form(cause.effect, other.effect)))
+    return tuple(leads)
 
 
 def told_in_trials(
@@ -135,34 +135,34 @@ def told_in_trials(
     All is linear about the model. A cause with a memory has another of its time constants in every measurement.
     `noise`: m per axis.
     """
-    rng, known = np.random.default_rng(seed), cause_columns(model, causes, parts, noise)
-    bases = [[orthonormal_basis(known.left(shape)) for shape in shapes] for shapes in known.columns]
+    rng, columns_of = np.random.default_rng(seed), cause_columns(model, causes, parts, noise)
+    bases = [[orthonormal_basis(columns_of.left(shape)) for shape in shapes] for shapes in columns_of.columns]
     count = {}
-    for a, one in enumerate(causes):
-        motions = [columns @ one.size for columns in known.columns[a][: known.likely[a]]]
+    for a, cause in enumerate(causes):
+        motions = [columns @ cause.size for columns in columns_of.columns[a][: columns_of.likely[a]]]
         seen = np.stack([motions[k % len(motions)] for k in range(TRIALS)], axis=1)
-        rest = known.left(seen + rng.normal(0.0, noise, seen.shape))
+        rest = columns_of.left(seen + rng.normal(0.0, noise, seen.shape))
         errors = [_least_errors(rest, shapes, len(seen)) for shapes in bases]
         for b, other in enumerate(causes):
             if a != b:
                 differ = errors[b] - errors[a]
                 error = np.maximum(differ.std(axis=0, ddof=1) / np.sqrt(len(differ)), NO_MOTION**2)
                 z = differ.mean(axis=0) / error
-                count[one.effect.name, other.effect.name] = int(np.count_nonzero(z >= Z_THRESHOLD))
+                count[cause.effect.name, other.effect.name] = int(np.count_nonzero(z >= Z_THRESHOLD))
     return count
 
 
 def _least_errors(rest: Array, bases: Sequence[Array], rows: int) -> Array:
     """(N, k), squared errors of each pose with the shape that fits each column of `rest` best."""
-    left = np.stack([rest - basis @ (basis.T @ rest) for basis in bases])
-    best = (left**2).sum(axis=1).argmin(axis=0)
-    chosen = left[best, :, np.arange(rest.shape[1])].T[:rows]
+    unexplained = np.stack([rest - basis @ (basis.T @ rest) for basis in bases])
+    best = (unexplained**2).sum(axis=1).argmin(axis=0)
+    chosen = unexplained[best, :, np.arange(rest.shape[1])].T[:rows]
     return np.asarray((chosen.reshape(-1, 3, rest.shape[1]) ** 2).sum(axis=1))
 
 
-def _share_a_form(one: Effect, other: Effect) -> bool:
-    ids = {one.id, other.id}
-    return one.place == other.place and len(ids) == 2 and any(ids <= {*form.variant_of} for form in FREE_FORMS)
+def _share_a_form(effect: Effect, other: Effect) -> bool:
+    ids = {effect.id, other.id}
+    return effect.place == other.place and len(ids) == 2 and any(ids <= {*form.variant_of} for form in FREE_FORMS)
 
 
 def _distance(motion: Array, basis: Array) -> float:
@@ -172,24 +172,28 @@ def _distance(motion: Array, basis: Array) -> float:
 def cause_columns(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float) -> CauseColumns:
     """The columns of some causes on all poses of the parts; the model's free parameters are fitted beside them."""
     settled = [solve_equilibrium(model, with_borne_loads(model, part)) for part in parts]
-    fitted = np.concatenate([identification_jacobian(one, model.free).reshape(-1, len(model.free)) for one in settled])
+    fitted = np.concatenate(
+        [identification_jacobian(equilibrium, model.free).reshape(-1, len(model.free)) for equilibrium in settled]
+    )
     fitted /= MM_PER_M
     ridge = noise / PRIOR_SD * np.eye(fitted.shape[1])
     wanted = [(cause.effect, cause.rows) for cause in causes]
-    candidates = [differentiate_candidates(one, wanted)[1] for one in settled]
+    candidates = [differentiate_candidates(equilibrium, wanted)[1] for equilibrium in settled]
     columns, likely = [], []
     for k, cause in enumerate(causes):
-        own = [part[k] for part in candidates]
-        shapes, count = _shapes(cause, own)
-        columns.append(tuple(np.concatenate([one.columns(shape) for one in own]) for shape in shapes))
+        candidates_of = [part[k] for part in candidates]
+        shapes, count = _shapes(cause, candidates_of)
+        columns.append(
+            tuple(np.concatenate([candidate.columns(shape) for candidate in candidates_of]) for shape in shapes)
+        )
         likely.append(count)
-    known = orthonormal_basis(np.concatenate([fitted, ridge]))
-    return CauseColumns(tuple(causes), known, tuple(columns), tuple(likely))
+    basis = orthonormal_basis(np.concatenate([fitted, ridge]))
+    return CauseColumns(tuple(causes), basis, tuple(columns), tuple(likely))
 
 
-def _shapes(cause: CandidateCause, own: Sequence[Candidate]) -> tuple[tuple[tuple[float, ...], ...], int]:
+def _shapes(cause: CandidateCause, candidates: Sequence[Candidate]) -> tuple[tuple[tuple[float, ...], ...], int]:
     """Shapes of a cause on all parts, at most `MOST_SHAPES` and evenly among those to try; the first may be there."""
-    tried = max((one.shapes for one in own), key=len)
+    tried = max((candidate.shapes for candidate in candidates), key=len)
     if cause.shape is not None:
         others = [shape for shape in tried if shape != cause.shape]
         return (cause.shape, *_evenly(others, MOST_SHAPES - 1)), 1

@@ -95,7 +95,7 @@ def eliminate(
     for removal in reversed(removals[:-1]):
         both = sorted([*kept, order.index(removal.key)])
         if _smallest(triangle[:, both]) >= threshold:
-            kept, removals = both, [one for one in removals if one is not removal]
+            kept, removals = both, [earlier for earlier in removals if earlier is not removal]
     typical = np.array([model.parameter(key).typical for key in order])
     scaled = by_units["scaled"].reshape(columns.shape) * 1e-3
     scaled[:, _zero_columns(scaled)] = 0.0
@@ -135,8 +135,8 @@ def _weakest(columns: Array) -> int:
     dependent = np.linalg.norm(right[full < ROUND_OFF * full[0]], axis=0) > ROUND_OFF
     if dependent.any():
         return int(np.flatnonzero(dependent)[-1])
-    own = length / np.linalg.norm(right / full[:, None], axis=0)
-    return int(np.argmin(own))
+    change = length / np.linalg.norm(right / full[:, None], axis=0)
+    return int(np.argmin(change))
 
 
 def _zero_columns(columns: Array) -> NDArray[np.bool_]:

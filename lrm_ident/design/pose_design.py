@@ -242,23 +242,23 @@ def design(
     )
 
 
-def tried(problem: DesignProblem, found: PoseDesign) -> PoseDesign:
+def tried(problem: DesignProblem, designed: PoseDesign) -> PoseDesign:
     """The design, tried on simulated measurements of every rival."""
     if len(problem.rivals) < 2:
-        return found
-    model, parts = problem.model.with_free(found.keys), _parts(problem, found.poses, found.hold)
-    trials = told_in_trials(model, problem.likely(found.keys), parts, problem.noise, problem.seed)
-    return replace(found, trials=trials)
+        return designed
+    model, parts = problem.model.with_free(designed.keys), _parts(problem, designed.poses, designed.hold)
+    trials = told_in_trials(model, problem.likely(designed.keys), parts, problem.noise, problem.seed)
+    return replace(designed, trials=trials)
 
 
 def beside(problem: DesignProblem, keys: Sequence[str]) -> tuple[str, ...]:
     """Parameters to fit beside the rivals. Raises `UnsuitableRival`: a single rival that is fitted already."""
-    own = {effect.name: {*effect.keys} for effect in problem.rivals}
-    fitted = {name for name, rows in own.items() if rows & {*keys} and not _lacks(problem, name, keys)}
-    if fitted and len(own) == 1:
+    keys_of = {effect.name: {*effect.keys} for effect in problem.rivals}
+    fitted = {name for name, rows in keys_of.items() if rows & {*keys} and not _lacks(problem, name, keys)}
+    if fitted and len(keys_of) == 1:
         why = "has nothing that is not fitted already; name effects that the model lacks"
         raise UnsuitableRival(next(iter(fitted)), why)
-    taken = {key for name in fitted for key in own[name]}
+    taken = {key for name in fitted for key in keys_of[name]}
     return tuple(key for key in keys if key not in taken)
 
 
@@ -271,8 +271,8 @@ def _known(problem: DesignProblem, keys: Sequence[str], columns: Columns) -> Col
     """Columns of the poses measured already, and of the prior; None where there is neither."""
     measured = None
     if problem.measured is not None:
-        own = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
-        measured = _weighted(problem, own, solve_equilibrium(problem.model, problem.measured), keys)
+        weights = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
+        measured = _weighted(problem, weights, solve_equilibrium(problem.model, problem.measured), keys)
     return measured if problem.prior is None else _with_prior(problem, problem.prior, columns, measured)
 
 
@@ -296,7 +296,10 @@ def _held(
         tries.append((hold, pairs))
         if all(pair.distinguishable_if_exact for pair in pairs):
             return hold, pairs
-    return max(tries, key=lambda one: (sum(p.distinguishable_if_exact for p in one[1]), min(p.lead for p in one[1])))
+    return max(
+        tries,
+        key=lambda attempt: (sum(p.distinguishable_if_exact for p in attempt[1]), min(p.lead for p in attempt[1])),
+    )
 
 
 def _in_turn(problem: DesignProblem, keys: Sequence[str], poses: Poses, hold: Array) -> Columns:
@@ -341,13 +344,13 @@ def _weighted(problem: DesignProblem, whitening: Whitening, settled: Equilibrium
     return [scale * fitted, *(scale * whitening.unit * whitening(part) for part in rivals)]
 
 
-def _with_prior(problem: DesignProblem, known: Covariance, columns: Columns, measured: Columns | None) -> Columns:
+def _with_prior(problem: DesignProblem, covariance: Covariance, columns: Columns, measured: Columns | None) -> Columns:
     """Columns of the poses measured already, and of a prior as if it were measurements: one number a parameter."""
-    typical = np.array([problem.model.parameter(key).typical for key in known.keys])
+    typical = np.array([problem.model.parameter(key).typical for key in covariance.keys])
     # Rows R with RᵀR = C⁻¹ say as much as the prior; times σ they are as noisy as a measurement
-    root = np.linalg.inv(np.linalg.cholesky(known.matrix / np.outer(typical, typical)))
-    own = [problem.noise * MM_PER_M * root, *(np.zeros((len(root), part.shape[2])) for part in columns[1:])]
-    every = [part[None] for part in own]
+    root = np.linalg.inv(np.linalg.cholesky(covariance.matrix / np.outer(typical, typical)))
+    prior_rows = [problem.noise * MM_PER_M * root, *(np.zeros((len(root), part.shape[2])) for part in columns[1:])]
+    every = [part[None] for part in prior_rows]
     return every if measured is None else _stack(every, np.arange(1), measured)
 
 

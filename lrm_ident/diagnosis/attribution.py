@@ -36,7 +36,7 @@ class StepAttribution:
     unexplained: float
 
 
-def support_of(explained: float, left: float, evidence: Evidence) -> Support:
+def support_of(explained: float, remaining: float, evidence: Evidence) -> Support:
     """Support of an effect by the held-out mean squares that it took away and that stay unexplained, in one unit.
 
     One that takes nothing away explains nothing: it shows no cause, however little stays.
@@ -44,15 +44,15 @@ def support_of(explained: float, left: float, evidence: Evidence) -> Support:
     if evidence.describes:
         return Support.DESCRIPTION
     shown = evidence.replicates and not evidence.misspecified and explained > 0.0
-    return Support.FINDING if shown and left <= MAX_UNEXPLAINED_RATIO * explained else Support.POSSIBLE_CAUSE
+    return Support.FINDING if shown and remaining <= MAX_UNEXPLAINED_RATIO * explained else Support.POSSIBLE_CAUSE
 
 
-def unexplained_ratio(explained: float, left: float) -> float:
+def unexplained_ratio(explained: float, remaining: float) -> float:
     """Mean square that stays unexplained, per mean square that was taken away; infinite where none was."""
-    return left / explained if explained > 0.0 else math.inf
+    return remaining / explained if explained > 0.0 else math.inf
 
 
-def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tuple[StepAttribution, ...]:
+def attribute_steps(steps: Sequence[tuple[float, Evidence]], remaining: float) -> tuple[StepAttribution, ...]:
     """Attributions of the steps of a run, of each the held-out mean square that it took away, and the evidence for it.
 
     Whatever their order: the largest set of steps of which each shows a cause beside what the others leave unexplained.
@@ -65,12 +65,12 @@ def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tup
             0.0 if show or step.of_present else max(explained, 0.0)
             for show, (explained, step) in zip(shown, steps, strict=True)
         ]
-        beside = [left + sum(unnamed[:number]) + sum(unnamed[number + 1 :]) for number in range(len(steps))]
+        beside = [remaining + sum(unnamed[:number]) + sum(unnamed[number + 1 :]) for number in range(len(steps))]
         attributions = tuple(
             StepAttribution(support_of(explained, others, step), others)
             for others, (explained, step) in zip(beside, steps, strict=True)
         )
-        findings = [one.kind == Support.FINDING for one in attributions]
+        findings = [attribution.kind == Support.FINDING for attribution in attributions]
         if findings == shown:
             return attributions
         shown = findings

@@ -30,4 +30,4 @@ def improves_beside(fitted: Fit, data: Measurements, companion: ScoredCandidate)
     """
     screening = screen_one(fitted, data, companion.candidate.effect)
     before = screening.linear.baseline
-    return any(improves_prediction(one.alone, before, before) for one in screening.scored)
+    return any(improves_prediction(scored.alone, before, before) for scored in screening.scored)

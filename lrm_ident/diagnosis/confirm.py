@@ -110,12 +110,12 @@ class ConfirmedDiagnosis:
     def misspecified(self) -> tuple[str, ...]:
         """Causes of the model, and the effect to add, that fail the specification test of their place."""
         diagnosis = self.diagnosis
-        plain = (one for one in diagnosis.fit.model.effects if one.names_a_cause and not one.is_free_form)
-        present = [one.name for one in plain if one.id not in DEFAULT_EFFECTS]
-        found = misspecified_effects(diagnosis.fit, diagnosis.data, present)
+        plain = (effect for effect in diagnosis.fit.model.effects if effect.names_a_cause and not effect.is_free_form)
+        present = [effect.name for effect in plain if effect.id not in DEFAULT_EFFECTS]
+        wrong_effects = misspecified_effects(diagnosis.fit, diagnosis.data, present)
         if self.first is None or self.refit is None or self.describes:
-            return found
-        return (*found, *misspecified_effects(self.refit.fit, diagnosis.data, [self.first.name]))
+            return wrong_effects
+        return (*wrong_effects, *misspecified_effects(self.refit.fit, diagnosis.data, [self.first.name]))
 
     @property
     def explained(self) -> float:
@@ -188,14 +188,14 @@ def confirm(
         on_progress(f"refitting with {selection.supported[0].name}")
         return refit_trial(selection, selection.supported[0], blocks, tested)
 
-    known = dict[str, CandidateTrial]()
+    trials_by_name = dict[str, CandidateTrial]()
 
-    def trial_of(selection: Diagnosis, one: ScoredCandidate) -> CandidateTrial:
+    def trial_of(selection: Diagnosis, scored: ScoredCandidate) -> CandidateTrial:
         """The trial of an underrated effect, which is made once, whichever effect it is set beside."""
-        if one.name not in known:
-            on_progress(f"refitting with {one.name}")
-            known[one.name] = refit_trial(selection, one, blocks, tested)
-        return known[one.name]
+        if scored.name not in trials_by_name:
+            on_progress(f"refitting with {scored.name}")
+            trials_by_name[scored.name] = refit_trial(selection, scored, blocks, tested)
+        return trials_by_name[scored.name]
 
     def search(doubted: Mapping[str, Reason]) -> ConfirmedDiagnosis:
         """The first selection whose refit confirms it, `doubted` effects refused without one."""
@@ -208,8 +208,8 @@ def confirm(
             led, best, others = selection, trial, dict[str, Refit]()
             if not doubt:
                 led, best, others = _led_by_underrated(selection, trial, trial_of, squares, {*reasons, *doubted})
-            trials = {scored.name: trial, **known}
-            worse |= {name: one.worse_deployed for name, one in trials.items() if one.worse_deployed}
+            trials = {scored.name: trial, **trials_by_name}
+            worse |= {name: trial.worse_deployed for name, trial in trials.items() if trial.worse_deployed}
             if best.refit and _share_saved(best.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
                 led, best, special = _led_by_special_case(led, best, blocks, tested)
                 refits = others | special
@@ -219,7 +219,7 @@ def confirm(
                     led,
                     blocks,
                     best.refit,
-                    tuple(one for one in led.supported if one.name not in reasons),
+                    tuple(effect for effect in led.supported if effect.name not in reasons),
                     reasons,
                     worse_deployed=worse,
                     beside=best.beside,
@@ -235,16 +235,16 @@ def confirm(
                 promised, rival = max((promised, rival), (saved, scored.name))
         return ConfirmedDiagnosis(selection, blocks, None, (), reasons, refuted, worse)
 
-    found = search({name: doubt for name, doubt in doubted.items() if name != tested})
-    return found if found.refit or found.refused.keys().isdisjoint(doubted) else search({})
+    searched = search({name: doubt for name, doubt in doubted.items() if name != tested})
+    return searched if searched.refit or searched.refused.keys().isdisjoint(doubted) else search({})
 
 
 def _objections(selection: Diagnosis, trials: Mapping[str, CandidateTrial]) -> dict[str, Reason]:
     """Why trials refused effects; with the first one of the selection go those that repeat it."""
-    found = {name: one.objection for name, one in trials.items() if one.objection}
+    objections = {name: trial.objection for name, trial in trials.items() if trial.objection}
     first = selection.supported[0]
-    why = found.get(first.name)
-    return dict.fromkeys(selection.repetitions(first), why) | found if why else found
+    why = objections.get(first.name)
+    return dict.fromkeys(selection.repetitions(first), why) | objections if why else objections
 
 
 Leading = tuple[Diagnosis, CandidateTrial, dict[str, Refit]]
@@ -271,24 +271,30 @@ def _led_by_underrated(
     members, tried = diagnosis.equivalent[first.name], {first.name: trial}
     bounded, fitted = BoundedFit.of(diagnosis.screening), trial.refit.fit if trial.refit else None
     left_out = {*refused, *diagnosis.unexplained.spurious}
-    promising = [one for one in bounded.underrated(first, members, fitted) if one.name not in left_out]
+    promising = [
+        candidate for candidate in bounded.underrated(first, members, fitted) if candidate.name not in left_out
+    ]
     underrated = promising[:MOST_UNDERRATED]
-    tried |= {one.name: trial_of(diagnosis, one) for one in underrated}
-    refits = {name: one.refit for name, one in tried.items() if one.refit}
+    tried |= {candidate.name: trial_of(diagnosis, candidate) for candidate in underrated}
+    refits = {name: trial.refit for name, trial in tried.items() if trial.refit}
     if not refits:
         return diagnosis, trial, {}
     best = min(refits, key=lambda name: float(refits[name].squares.mean()))
     alike = {name for name, refit in refits.items() if name != best and _as_good(refit, refits[best], before)}
     possible = [name for name in members if name not in tried or name in refits]
     if best == first.name:
-        found = diagnosis.led_by(first, (*possible, *sorted(alike)))
+        led = diagnosis.led_by(first, (*possible, *sorted(alike)))
     else:
-        leader = next(one for one in underrated if one.name == best)
+        leader = next(candidate for candidate in underrated if candidate.name == best)
         whole = {*possible, *({first.name} & refits.keys())}
-        near = [one.name for one in diagnosis.scored if one.name in whole and moves_alike(leader, one)]
+        near = [
+            candidate.name
+            for candidate in diagnosis.scored
+            if candidate.name in whole and moves_alike(leader, candidate)
+        ]
         others = possible if first.name in alike else near
-        found = diagnosis.led_by(leader, (*sorted(alike), *others))
-    return found, tried[best], {name: refit for name, refit in refits.items() if name != best}
+        led = diagnosis.led_by(leader, (*sorted(alike), *others))
+    return led, tried[best], {name: refit for name, refit in refits.items() if name != best}
 
 
 def _as_good(refit: Refit, best: Refit, before: Array) -> bool:
@@ -314,7 +320,7 @@ def _led_by_special_case(
     refits: dict[str, Refit] = {}
     for special in diagnosis.special_cases()[:MOST_SPECIAL_CASES]:
         leader = diagnosis.supported[0]
-        of_tracker = all(one.candidate.effect.part is ModelPart.MEASUREMENT for one in (leader, special))
+        of_tracker = all(scored.candidate.effect.part is ModelPart.MEASUREMENT for scored in (leader, special))
         instead = refit_trial(diagnosis, special, blocks, special.name if of_tracker else tested)
         if not trial.refit or not instead.refit:
             continue

@@ -60,14 +60,14 @@ def levels_of_its_own(q: Array, joint: int) -> int:
 
     By least squares, a line of one other joint's angle at a time; that of a joint that never moves explains none.
     """
-    left = [q[:, joint]]
+    levels = [q[:, joint]]
     centred = q - q.mean(axis=0)
     for other in range(q.shape[1]):
         if other != joint and (square := float(centred[:, other] @ centred[:, other])) > 0.0:
             slope = float(centred[:, other] @ centred[:, joint]) / square
-            left.append(q[:, joint] - slope * q[:, other])
-    counts = Excitation(poses_of(np.stack(left, axis=1)), np.zeros((len(q), len(left))))
-    return min(counts.levels(column) for column in range(len(left)))
+            levels.append(q[:, joint] - slope * q[:, other])
+    counts = Excitation(poses_of(np.stack(levels, axis=1)), np.zeros((len(q), len(levels))))
+    return min(counts.levels(column) for column in range(len(levels)))
 
 
 def followed_joint(effect: Effect) -> int | None:

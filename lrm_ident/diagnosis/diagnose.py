@@ -131,7 +131,7 @@ class Diagnosis:
         left_out = self.data.complete.take(np.isin(self.data.complete.pose, [*residuals, *self.data.pose]))
         outliers = np.isin(left_out.pose, [*residuals])
         clusters = outlier_regimes(left_out, np.ones(len(left_out)), outliers)
-        places = [one.rows for one in clusters if one.quantity.kind != "order"]
+        places = [cluster.rows for cluster in clusters if cluster.quantity.kind != "order"]
         inside = outliers & np.any(places, axis=0) if places else np.zeros(len(left_out), dtype=np.bool_)
         return np.array([residuals[number] for number in left_out.pose[inside].tolist()]).reshape(-1, 3)
 
@@ -157,26 +157,37 @@ class Diagnosis:
         They have fewer parameters, which move the TCP in a part of what its own can do.
         """
         first = self.supported[0]
-        smaller = (one for one in self.scored if one.name in self.equivalent[first.name] and one.size < first.size)
-        special = [one for one in smaller if moves_alike(first, one)]
+        smaller = (
+            candidate
+            for candidate in self.scored
+            if candidate.name in self.equivalent[first.name] and candidate.size < first.size
+        )
+        special = [candidate for candidate in smaller if moves_alike(first, candidate)]
         return sorted(special, key=lambda candidate: candidate.alone.rms)
 
-    def repetitions(self, one: ScoredCandidate) -> list[str]:
+    def repetitions(self, scored: ScoredCandidate) -> list[str]:
         """Names of the forms of an effect that move the TCP exactly as it does: the second shift without a first."""
-        forms = (other for other in self.scored if one.name in variants(other.candidate.effect))
-        same = (form for form in forms if form.size == one.size)
-        return [form.name for form in same if cosine_of_bases(one.orthonormal, form.orthonormal) > SAME_MOTIONS]
+        forms = (other for other in self.scored if scored.name in variants(other.candidate.effect))
+        same = (form for form in forms if form.size == scored.size)
+        return [form.name for form in same if cosine_of_bases(scored.orthonormal, form.orthonormal) > SAME_MOTIONS]
 
     def led_by(self, other: ScoredCandidate, members: Sequence[str]) -> Diagnosis:
         """The same with another effect in place of the first supported one. `members`: names of its class."""
         first = self.supported[0]
-        selected = tuple(other if one is first else one for one in self.selected if one is first or one is not other)
+        selected = tuple(
+            other if candidate is first else candidate
+            for candidate in self.selected
+            if candidate is first or candidate is not other
+        )
         rest = tuple(dict.fromkeys(name for name in members if name != other.name))
         return replace(
             self,
-            scored=(*selected, *(one for one in self.scored if one not in selected)),
+            scored=(*selected, *(candidate for candidate in self.scored if candidate not in selected)),
             selected=selected,
-            equivalent={one.name: rest if one is other else self.equivalent[one.name] for one in selected},
+            equivalent={
+                candidate.name: rest if candidate is other else self.equivalent[candidate.name]
+                for candidate in selected
+            },
         )
 
     def rivals(
@@ -184,9 +195,16 @@ class Diagnosis:
     ) -> dict[str, float]:
         """Held-out RMS of the tip (m) that each of the best plausible effects not `taken` would leave alone, the least
         first: that of its refit where it was `refitted`, else by the screening (`error_of_tip`)."""
-        others = [one for one in self.scored if one.name not in taken and (one.name in refitted or not one.implausible)]
-        left = {one.name: refitted.get(one.name, self.error_of_tip(one.alone.rms, before)) for one in others}
-        return dict(sorted(left.items(), key=lambda item: item[1])[:RIVALS_KEPT])
+        others = [
+            candidate
+            for candidate in self.scored
+            if candidate.name not in taken and (candidate.name in refitted or not candidate.implausible)
+        ]
+        errors = {
+            candidate.name: refitted.get(candidate.name, self.error_of_tip(candidate.alone.rms, before))
+            for candidate in others
+        }
+        return dict(sorted(errors.items(), key=lambda item: item[1])[:RIVALS_KEPT])
 
     def error_of_tip(self, rms: float, before: float) -> float:
         """Held-out RMS of the tip (m) for one that the screening estimates.
@@ -300,10 +318,10 @@ def _diagnosis_of(
     )
 
 
-def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
+def _shifted(diagnosis: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
     """The blocks of all measured rows that carry the position of a neighbouring row."""
     predicted = np.full((len(data), 3), np.nan)
-    equilibrium, rows = batch_equilibrium(found.fit.model, data.poses)
+    equilibrium, rows = batch_equilibrium(diagnosis.fit.model, data.poses)
     predicted[rows] = equilibrium.tcp
-    limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
+    limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(diagnosis.fit.residual, axis=1))
     return shifted_rows(data.pose, data.tcp, predicted, limit)

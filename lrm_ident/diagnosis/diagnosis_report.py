@@ -128,8 +128,8 @@ class DiagnosisReport(ShownInNotebook):
     def functions(self) -> tuple[tuple[FreeFunction, float], ...]:
         """The best free functions, and the held-out RMS (m) that each would leave."""
         ranking = self.diagnosis.unexplained.ranking
-        found, before = self.diagnosis, self.held_out.rms
-        return tuple((function, found.error_of_tip(rms, before)) for function, rms in ranking)
+        diagnosis, before = self.diagnosis, self.held_out.rms
+        return tuple((function, diagnosis.error_of_tip(rms, before)) for function, rms in ranking)
 
     @property
     def far_rows(self) -> tuple[int, ...]:
@@ -201,7 +201,13 @@ def _order(confirmed: ConfirmedDiagnosis, before: ErrorStats) -> list[ScoredCand
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     equivalent = diagnosis.equivalent[supported[0].name] if supported else ()
     rest = [candidate for candidate in diagnosis.scored if candidate not in supported]
-    rest.sort(key=lambda one: (one.name not in equivalent, bool(one.implausible), _rms_left(one, confirmed, before)))
+    rest.sort(
+        key=lambda candidate: (
+            candidate.name not in equivalent,
+            bool(candidate.implausible),
+            _rms_left(candidate, confirmed, before),
+        )
+    )
     return [*supported, *rest]
 
 

@@ -74,9 +74,11 @@ class EffectPairs:
             and (scored.candidate.priority != FORM or scored.candidate.effect.part is ModelPart.INSTALLATION)
         ]
 
-    def _with_partner(self, one: ScoredCandidate) -> tuple[ScoredCandidate, LinearEstimate]:
+    def _with_partner(self, scored: ScoredCandidate) -> tuple[ScoredCandidate, LinearEstimate]:
         """The rival that predicts best beside an effect, and the estimate of both."""
-        with_it = self.fit.beside(one.projected)
+        with_it = self.fit.beside(scored.projected)
         estimates = with_it.explain_each(self.sets)
-        best = min((row for row in self._rivals if self.screened[row] is not one), key=lambda row: estimates[row].rms)
+        best = min(
+            (row for row in self._rivals if self.screened[row] is not scored), key=lambda row: estimates[row].rms
+        )
         return self.screened[best], estimates[best]

@@ -134,9 +134,9 @@ def _next_effect(
     return None
 
 
-def _pair_instead_of(one: ScoredCandidate, pairs: EffectPairs) -> Pair | None:
+def _pair_instead_of(scored: ScoredCandidate, pairs: EffectPairs) -> Pair | None:
     """The pair of effects of arm and installation that predicts as well as one of the measurement, if it is one."""
-    return pairs.pair_instead_of(one) if one.candidate.effect.part is ModelPart.MEASUREMENT else None
+    return pairs.pair_instead_of(scored) if scored.candidate.effect.part is ModelPart.MEASUREMENT else None
 
 
 def _significant(
@@ -152,15 +152,15 @@ def _significant(
             yield Choice(tried, scored)
 
 
-def _priority(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
+def _priority(scored: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
     """Priority of a candidate beside the effects of the model and the selected ones."""
     names = {other.name for other in selected}
-    return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.priority
+    return REFINEMENT if names & set(variants(scored.candidate.effect)) else scored.candidate.priority
 
 
-def _is_form_of_present(one: ScoredCandidate, priority: dict[str, int]) -> bool:
+def _is_form_of_present(scored: ScoredCandidate, priority: dict[str, int]) -> bool:
     """Whether a candidate is another form of an effect of the model or a selected one."""
-    return priority[one.name] == REFINEMENT and one.candidate.effect.is_free_form
+    return priority[scored.name] == REFINEMENT and scored.candidate.effect.is_free_form
 
 
 def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count: int) -> Sequence[Choice]:
@@ -195,7 +195,14 @@ def _most_helpful(
     equal = [choice for choice in choices if rank(choice) == first]
     best = min(equal, key=lambda choice: choice.estimate.rms).estimate
     similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
-    return min(similar, key=lambda one: (-expected.get(one.scored.name, 1.0), one.scored.size, one.estimate.rms))
+    return min(
+        similar,
+        key=lambda alternative: (
+            -expected.get(alternative.scored.name, 1.0),
+            alternative.scored.size,
+            alternative.estimate.rms,
+        ),
+    )
 
 
 def _plain_effect_of(chosen: Choice, choices: Sequence[Choice]) -> Choice:
@@ -233,29 +240,29 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
 
 
 def _inseparable(
-    one: ScoredCandidate, with_it: LinearEstimate, rival: ScoredCandidate, instead: LinearEstimate
+    scored: ScoredCandidate, with_it: LinearEstimate, rival: ScoredCandidate, instead: LinearEstimate
 ) -> bool:
     """Whether two effects predict alike, or move the TCP alike."""
-    return paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD or moves_alike(one, rival)
+    return paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD or moves_alike(scored, rival)
 
 
-def moves_alike(one: ScoredCandidate, other: ScoredCandidate) -> bool:
+def moves_alike(scored: ScoredCandidate, other: ScoredCandidate) -> bool:
     """Whether two effects move the TCP alike, be it in a part of what the larger one can do."""
-    return cosine_of_bases(one.orthonormal, other.orthonormal) > EQUIVALENCE_COSINE
+    return cosine_of_bases(scored.orthonormal, other.orthonormal) > EQUIVALENCE_COSINE
 
 
 def _sharing_a_form(
-    one: ScoredCandidate,
+    candidate: ScoredCandidate,
     with_it: LinearEstimate,
     after: SelectionStep,
     ranked: Sequence[ScoredCandidate],
     start: LinearEstimate,
 ) -> set[str]:
-    """Effects that share with `one` a form that still improves the prediction: its formula is wrong, and then formulas
-    do not tell them apart."""
+    """Effects that share with `candidate` a form that still improves the prediction: its formula is wrong, and then
+    formulas do not tell them apart."""
     names_sharing: set[str] = set()
     for form in ranked:
         plain = variants(form.candidate.effect)
-        if one.name in plain and improves_prediction(after.beside[form.name], with_it, start):
+        if candidate.name in plain and improves_prediction(after.beside[form.name], with_it, start):
             names_sharing.update(plain)
     return names_sharing

@@ -27,27 +27,27 @@ NEEDS_ALL_TIMES = frozenset({"time", "session"})
 Halves = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 
-def replicates(screening: Screening, one: ScoredCandidate, equivalent: Collection[str]) -> bool:
+def replicates(screening: Screening, scored: ScoredCandidate, equivalent: Collection[str]) -> bool:
     """Whether an effect is chosen in both halves of the screened poses. `equivalent`: names that are as good as it,
     or were compared with it by refits."""
     rivals = [
         other
         for other in screening.scored
-        if other.name != one.name
+        if other.name != scored.name
         and other.name not in equivalent
         and not other.implausible
         and other.candidate.priority != FORM
         and not other.candidate.effect.is_free_form
     ]
     bounded = BoundedFit.of(screening)
-    return all(_chosen(bounded, halves, one, rivals) for halves in _halves(screening, one))
+    return all(_chosen(bounded, halves, scored, rivals) for halves in _halves(screening, scored))
 
 
-def _halves(screening: Screening, one: ScoredCandidate) -> Iterator[Halves]:
+def _halves(screening: Screening, scored: ScoredCandidate) -> Iterator[Halves]:
     data = screening.subset[1]
     odd = held_out_folds(data) % 2
     yield np.flatnonzero(odd == 0), np.flatnonzero(odd == 1)
-    if data.poses.direction is not None and NEEDS_ALL_TIMES.isdisjoint(one.candidate.effect.depends_on):
+    if data.poses.direction is not None and NEEDS_ALL_TIMES.isdisjoint(scored.candidate.effect.depends_on):
         order = np.argsort(data.pose, kind="stable")
         yield order[: len(order) // 2], order[len(order) // 2 :]
 

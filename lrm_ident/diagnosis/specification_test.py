@@ -47,8 +47,10 @@ def misspecified_effects(fitted: Fit, data: Measurements, names: Collection[str]
     So are passing zeros of a joint whose amount follows its angle. Of effects that move one slot alone; others act at
     several places anyway, and are not tested.
     """
-    effects = [one for one in fitted.model.binding.bound if one.effect.name in names]
-    bound = [one for one in effects if one.kind is Kind.MOTION and len(one.slots) == 1]
+    effects = [bound_effect for bound_effect in fitted.model.binding.bound if bound_effect.effect.name in names]
+    bound = [
+        bound_effect for bound_effect in effects if bound_effect.kind is Kind.MOTION and len(bound_effect.slots) == 1
+    ]
     if not bound:
         return ()
     screened = rows_to_screen(fitted)
@@ -65,32 +67,32 @@ def misspecified_effects(fitted: Fit, data: Measurements, names: Collection[str]
     def tried(beside: LinearisedFit, sets: Mapping[int, Array]) -> Iterator[tuple[float, LinearEstimate]]:
         """Functions (N, m) of each slot beside a fit: p value of their F test, of so many, and their estimate."""
         sizes_of = [functions.shape[1] for functions in sets.values()]
-        found = beside.explain_each(beside.project_each(itertools.starmap(columns, sets.items()), sizes_of))
+        estimates = beside.explain_each(beside.project_each(itertools.starmap(columns, sets.items()), sizes_of))
         before, freedom = beside.baseline.in_sample, beside.degrees_of_freedom
-        for size, after in zip(sizes_of, found, strict=True):
+        for size, after in zip(sizes_of, estimates, strict=True):
             yield f_test_p_value(before, after.in_sample, size, freedom) * len(sizes_of), after
 
-    def acts_elsewhere(one: BoundEffect) -> bool:
+    def acts_elsewhere(effect: BoundEffect) -> bool:
         """Whether functions of what it follows explain more at another slot, significantly and at unseen poses."""
-        followed, own = _followed(one, part), one.slots[0]
-        beside = linear.beside(linear.project(columns(own, followed)))
-        others = {slot: followed for slot in range(len(motions)) if slot != own and motions[slot].any()}
+        followed, own_slot = _followed(effect, part), effect.slots[0]
+        beside = linear.beside(linear.project(columns(own_slot, followed)))
+        others = {slot: followed for slot in range(len(motions)) if slot != own_slot and motions[slot].any()}
         return any(
             p_value < SIGNIFICANCE and predicts_better(after.held_out, beside.baseline.held_out, MIN_GAIN)
             for p_value, after in tried(beside, others)
         )
 
-    def follows_the_angle(one: BoundEffect) -> bool:
+    def follows_the_angle(effect: BoundEffect) -> bool:
         """Whether the amount of a joint's passing zero follows the joint's angle."""
-        if not _is_passing_zero(one.effect):
+        if not _is_passing_zero(effect.effect):
             return False
-        followed, own = _followed(one, part), one.slots[0]
-        waves = _waves(part.equilibrium.poses.q[:, joint_number(one.effect.place)])
-        beside = linear.beside(linear.project(columns(own, np.hstack([followed, waves]))))
-        [(p_value, after)] = tried(beside, {own: followed * waves})
+        followed, slot = _followed(effect, part), effect.slots[0]
+        waves = _waves(part.equilibrium.poses.q[:, joint_number(effect.effect.place)])
+        beside = linear.beside(linear.project(columns(slot, np.hstack([followed, waves]))))
+        [(p_value, after)] = tried(beside, {slot: followed * waves})
         return p_value < SIGNIFICANCE and falls_by_share(after.held_out, beside.baseline.held_out, MIN_GAIN)
 
-    return tuple(one.effect.name for one in bound if acts_elsewhere(one) or follows_the_angle(one))
+    return tuple(effect.effect.name for effect in bound if acts_elsewhere(effect) or follows_the_angle(effect))
 
 
 def _is_passing_zero(effect: Effect) -> bool:
@@ -98,13 +100,13 @@ def _is_passing_zero(effect: Effect) -> bool:
     return of_a_session(effect) and not effect.remembers and len(joint_numbers(effect.place)) == 1
 
 
-def _followed(one: BoundEffect, fitted: Fit) -> Array:
+def _followed(effect: BoundEffect, fitted: Fit) -> Array:
     """(N, m), functions of what an effect follows: harmonics of a joint's angle, else its own amount, at most 1."""
-    poses, joint = fitted.equilibrium.poses, followed_joint(one.effect)
+    poses, joint = fitted.equilibrium.poses, followed_joint(effect.effect)
     if joint is not None:
         angle = poses.q[:, joint]
         return _waves(angle)
-    [(_, amount)] = one.amounts(poses, fitted.equilibrium.tau)
+    [(_, amount)] = effect.amounts(poses, fitted.equilibrium.tau)
     amounts = np.broadcast_to(amount, len(poses)).astype(float)
     return (amounts / max(float(np.abs(amounts).max()), np.finfo(float).tiny))[:, None]
 

@@ -69,12 +69,12 @@ def unexplained_structure(
     spurious: dict[str, FreeFunction] = {}
     if free:
         names = {name for function in free for name in function.covariates}
-        own = [
-            one
-            for one in functions
-            if len(one.covariates) == 1 and one.place == free[0].place and one.covariates[0] in names
+        followed = [
+            quantity
+            for quantity in functions
+            if len(quantity.covariates) == 1 and quantity.place == free[0].place and quantity.covariates[0] in names
         ]
-        among = _projected([*free, *own], linear, weigh)
+        among = _projected([*free, *followed], linear, weigh)
         most = linear.beside(*(scored.projected for scored in selection.effects), *among).baseline
         for scored in selection.effects:
             if scored.candidate.priority == FORM and _saves_as_much(scored.alone, most, linear.baseline):

@@ -281,8 +281,8 @@ def one_step_fits(
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
         near = _at_rows(fitted.equilibrium, split.predicted)
-        known = preconditioner if near is fitted.equilibrium else None
-        equilibrium = _equilibrium_or_none(stepped, _at_rows(data, split.predicted).poses, near, known)
+        factor = preconditioner if near is fitted.equilibrium else None
+        equilibrium = _equilibrium_or_none(stepped, _at_rows(data, split.predicted).poses, near, factor)
         if equilibrium is None:  # the full step went too far: a fit shortens its steps
             yield from _refitted(model, data, [split], bounds, loss, prior)
         else:

@@ -50,16 +50,16 @@ def effects_in(file: Path) -> list[type[Effect]]:
     except Exception as error:
         line = f"line {error.lineno}" if isinstance(error, SyntaxError) else ""
         raise FileError(file, line, f"{type(error).__name__}: {error}") from None
-    own = [
+    classes = [
         kind
         for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, Effect) and kind.__module__ == module.__name__
     ]
-    if not own:
+    if not classes:
         raise FileError(file, "", "defines no effect", "a class that inherits from lrm_math.effects.Effect")
-    for kind in own:
+    for kind in classes:
         _check(file, kind)
-    return own
+    return classes
 
 
 def file_of(effects: Sequence[Effect]) -> Path | None:

@@ -140,7 +140,7 @@ def in_order(
     executor: Executor, function: Callable[[Item], Result], items: Iterable[Item], progress: OnProgress = silent
 ) -> list[Result]:
     """Results of `as_finished` in the order of the items."""
-    return [result for _, result in sorted(as_finished(executor, function, items, progress), key=lambda one: one[0])]
+    return [result for _, result in sorted(as_finished(executor, function, items, progress), key=lambda pair: pair[0])]
 
 
 def _result_of(future: Future[Result]) -> Result:

@@ -68,9 +68,9 @@ def fit_model(
     return result
 
 
-def _left(found: Fit, data: Measurements) -> str:
+def _left(fitted: Fit, data: Measurements) -> str:
     """Residual of a fit without parameters, in words, and its outliers, if these are few."""
-    stats, far = error_stats(found.residual), data.pose[list(found.outliers)].tolist()
+    stats, far = error_stats(fitted.residual), data.pose[list(fitted.outliers)].tolist()
     words = f"{stats.rms * 1e3:.1f} mm RMS are left"
     if not 0 < len(far) < FEW_OUTLIERS * len(data):
         return f"{words}; {CHECK}"

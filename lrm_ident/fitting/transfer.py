@@ -82,7 +82,7 @@ class TransferredModel:
         return Covariance(self.covariance.keys, np.asarray(after))
 
 
-def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) -> TransferredModel:
+def transferred(model: Model, covariance: Covariance | None, arm: Arm, noise: float) -> TransferredModel:
     """The arm's part of a model, on another installation of that arm.
 
     Args:
@@ -100,14 +100,14 @@ def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) 
     installation = installed_effects(arm, lasting.effects)
     target = model_of(arm, (*arm_effects, *installation), _values(there, arm_effects))
     free = fittable(model_of(arm, installation))
-    certain = Covariance((), np.empty((0, 0))) if known is None else known.marginal(model, there)
-    known = _covariance(target, certain, free)
+    certain = Covariance((), np.empty((0, 0))) if covariance is None else covariance.marginal(model, there)
+    covariance = _covariance(target, certain, free)
     within = None if lasting.within is None else replace(lasting.within, tcp=None, centre=None)
-    moved = replace(target, within=within, fitted_to=model.fitted_to, free=known.keys)
+    moved = replace(target, within=within, fitted_to=model.fitted_to, free=covariance.keys)
     names = {effect.name for effect in arm_effects}
     said = "" if model.state is None else model.state.sentence
     behind = tuple(effect.name for effect in model.effects if effect.name not in names)
-    return TransferredModel(moved, known, noise, model.arm.name, free, behind, said)
+    return TransferredModel(moved, covariance, noise, model.arm.name, free, behind, said)
 
 
 def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ...]:

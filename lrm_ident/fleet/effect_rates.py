@@ -46,41 +46,43 @@ def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequ
         steps: for each arm, its steps, each with the names (`effect@place`) that it can stand for.
         tested: for each arm, the names that its poses could show.
     """
-    names = sorted({name for known in tested for name in known})
-    arms = {name: sum(name in known for known in tested) for name in names}
+    names = sorted({name for effects_of_arm in tested for name in effects_of_arm})
+    arms = {name: sum(name in effects_of_arm for effects_of_arm in tested) for name in names}
     if not names:
         return ()
     rate = dict.fromkeys(names, 0.5)
-    found = dict.fromkeys(names, 0.0)
+    expected_count = dict.fromkeys(names, 0.0)
     for _ in range(ROUNDS):
-        found = _counted(steps, rate)
-        a, b = _beta(np.array([found[name] for name in names]), np.array([arms[name] for name in names]))
-        rate = {name: (found[name] + a) / (arms[name] + a + b) for name in names}
-    rates = (EffectRate(n, found[n], arms[n], rate[n], *exact_interval(found[n], arms[n])) for n in names)
-    return tuple(sorted(rates, key=lambda one: (-one.rate, one.name)))
+        expected_count = _counted(steps, rate)
+        a, b = _beta(np.array([expected_count[name] for name in names]), np.array([arms[name] for name in names]))
+        rate = {name: (expected_count[name] + a) / (arms[name] + a + b) for name in names}
+    rates = (
+        EffectRate(n, expected_count[n], arms[n], rate[n], *exact_interval(expected_count[n], arms[n])) for n in names
+    )
+    return tuple(sorted(rates, key=lambda effect_rate: (-effect_rate.rate, effect_rate.name)))
 
 
 def _counted(steps: Sequence[Sequence[Sequence[str]]], rate: Mapping[str, float]) -> dict[str, float]:
     """Arms that have each effect; of one arm at most one each."""
-    found = dict.fromkeys(rate, 0.0)
+    counts = dict.fromkeys(rate, 0.0)
     for arm in steps:
-        own: dict[str, float] = {}
+        likelihood: dict[str, float] = {}
         for names in arm:
-            known = [name for name in names if name in rate]
-            whole = sum(rate[name] for name in known)
-            for name in known:
-                own[name] = min(1.0, own.get(name, 0.0) + rate[name] / whole)
-        for name, share in own.items():
-            found[name] += share
-    return found
+            rated = [name for name in names if name in rate]
+            whole = sum(rate[name] for name in rated)
+            for name in rated:
+                likelihood[name] = min(1.0, likelihood.get(name, 0.0) + rate[name] / whole)
+        for name, share in likelihood.items():
+            counts[name] += share
+    return counts
 
 
-def _beta(found: Array, arms: Array) -> tuple[float, float]:
+def _beta(counted: Array, arms: Array) -> tuple[float, float]:
     """The Beta distribution of the rates that makes the counts most likely."""
 
     def surprise(logs: Array) -> float:
         a, b = np.exp(logs)
-        return -float((betaln(found + a, arms - found + b) - betaln(a, b)).sum())
+        return -float((betaln(counted + a, arms - counted + b) - betaln(a, b)).sum())
 
     best = minimize(surprise, np.log([0.1, 1.0]), method="L-BFGS-B", bounds=[(-7.0, 3.0), (-3.0, 7.0)]).x
     a, b = (float(value) for value in np.exp(best))
@@ -88,8 +90,8 @@ def _beta(found: Array, arms: Array) -> tuple[float, float]:
     return a * scale, b * scale
 
 
-def exact_interval(found: float, arms: int) -> tuple[float, float]:
-    """Exact 95 % interval of a share (Clopper & Pearson 1934) where `found` of `arms` have it; parts of arms, too."""
+def exact_interval(counted: float, arms: int) -> tuple[float, float]:
+    """Exact 95 % interval of a share (Clopper & Pearson 1934) where `counted` of `arms` have it; parts of arms, too."""
     tails = (1 - LEVEL) / 2, (1 + LEVEL) / 2
-    low = float(betaincinv(found, arms - found + 1, tails[0])) if found > 0 else 0.0
-    return low, float(betaincinv(found + 1, arms - found, tails[1])) if found < arms else 1.0
+    low = float(betaincinv(counted, arms - counted + 1, tails[0])) if counted > 0 else 0.0
+    return low, float(betaincinv(counted + 1, arms - counted, tails[1])) if counted < arms else 1.0

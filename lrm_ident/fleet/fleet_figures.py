@@ -36,17 +36,17 @@ def fleet_figures(result: FleetResult) -> dict[str, Any]:
         "effects": _effects(result.records, result.known),
         "parameters": parameters,
         "first_tag": next((link.tag for link in result.links), tags[0] if tags else ""),
-        "first_parameter": _first_parameter(result, [one["key"] for one in parameters]),
+        "first_parameter": _first_parameter(result, [parameter["key"] for parameter in parameters]),
     }
 
 
-def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> list[dict[str, str]]:
+def _effects(records: tuple[ArmRecord, ...], knowledge: FleetKnowledge | str) -> list[dict[str, str]]:
     """Every effect that some arm has, most frequent first, in how many arms, and its rate."""
     done = sum(not record.reason for record in records)
-    rates = {} if isinstance(known, str) else {one.name: one for one in known.rates}
+    rates = {} if isinstance(knowledge, str) else {effect_rate.name: effect_rate for effect_rate in knowledge.rates}
     count = Counter(step[0] for record in records for step in record.steps)
     out = []
-    for name in sorted(count, key=lambda one: (-count[one], one)):
+    for name in sorted(count, key=lambda name_of: (-count[name_of], name_of)):
         rate = rates.get(name)
         words = f"{count[name]} of {done} arms" if rate is None else rate_words(rate)
         out.append({"name": name, "words": f"{plain_name(name)}<br>{words}"})
@@ -56,17 +56,21 @@ def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> lis
 def _parameters(result: FleetResult) -> list[dict[str, Any]]:
     """Estimates and standard errors of every parameter, with the arms' mean and spread, for the screen."""
     place = {record.name: number for number, record in enumerate(result.records)}
-    models = {key: one.model for one in result.estimates.values() for key in one.keys}
+    models = {key: estimate.model for estimate in result.estimates.values() for key in estimate.keys}
     common = dict[str, tuple[float, float]]()
     if not isinstance(result.known, str):
-        found = result.known.population
-        common = dict(zip(result.known.keys, zip(found.mean, found.spread, strict=True), strict=True))
-    odd = {(one.key, one.arm) for one in result.outliers}
+        population = result.known.population
+        common = dict(zip(result.known.keys, zip(population.mean, population.spread, strict=True), strict=True))
+    odd = {(outlier.key, outlier.arm) for outlier in result.outliers}
     out = []
     for key, model in models.items():
         label, scale, unit = screen_unit(model, key)
         scale *= model.parameter(key).typical
-        have = [(name, one.keys.index(key), one) for name, one in result.estimates.items() if key in one.keys]
+        have = [
+            (name, estimate.keys.index(key), estimate)
+            for name, estimate in result.estimates.items()
+            if key in estimate.keys
+        ]
         mean, spread = (_rounded(value * scale) for value in common[key]) if key in common else (None, None)
         out.append(
             {
@@ -74,8 +78,8 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
                 "label": label,
                 "unit": unit,
                 "arms": [place[name] for name, _, _ in have],
-                "value": [_rounded(one.mean[j] * scale) for _, j, one in have],
-                "error": [_rounded(one.covariance[j, j] ** 0.5 * scale) for _, j, one in have],
+                "value": [_rounded(estimate.mean[j] * scale) for _, j, estimate in have],
+                "error": [_rounded(estimate.covariance[j, j] ** 0.5 * scale) for _, j, estimate in have],
                 "mean": mean,
                 "spread": spread,
                 "outliers": [place[name] for name, _, _ in have if (key, name) in odd],
@@ -86,7 +90,7 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
 
 def _first_parameter(result: FleetResult, keys: list[str]) -> str:
     """Findings that stand out: an arm's parameter, one that goes with a tag, or the first compliance."""
-    notable = (*(one.key for one in result.outliers), *(link.what for link in result.links))
+    notable = (*(outlier.key for outlier in result.outliers), *(link.what for link in result.links))
     softness = (key for key in keys if (of := ParameterRef.parse(key)).id == "compliance" and of.place != BASE)
     return next((key for key in (*notable, *softness, *keys) if key in keys), "")
 

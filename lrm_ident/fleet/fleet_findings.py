@@ -70,8 +70,10 @@ def tag_associations(
         named = list(zip(levels, groups, strict=True))
         tried += [*_of_effects(tag, named, records, rates), *_of_parameters(tag, named, estimates)]
     adjusted = benjamini_yekutieli({str(number): link.p_value for number, link in enumerate(tried)})
-    found = [replace(link, p_value=adjusted[str(number)]) for number, link in enumerate(tried)]
-    return tuple(sorted((one for one in found if one.p_value < SIGNIFICANCE), key=lambda link: link.p_value))
+    links = [replace(link, p_value=adjusted[str(number)]) for number, link in enumerate(tried)]
+    return tuple(
+        sorted((link_found for link_found in links if link_found.p_value < SIGNIFICANCE), key=lambda link: link.p_value)
+    )
 
 
 def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) -> tuple[FleetOutlier, ...]:
@@ -79,10 +81,10 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
 
     The farthest is taken out and the rest looked at again, so that one cannot hide another.
     """
-    known = {key: [row for row in rows if row[2] < DETERMINED] for key, rows in _by_key(estimates).items()}
-    tests = sum(len(rows) for rows in known.values() if len(rows) > MIN_OTHER_ARMS)
-    found = []
-    for key, rows in known.items():
+    determined = {key: [row for row in rows if row[2] < DETERMINED] for key, rows in _by_key(estimates).items()}
+    tests = sum(len(rows) for rows in determined.values() if len(rows) > MIN_OTHER_ARMS)
+    odd = []
+    for key, rows in determined.items():
         while len(rows) > MIN_OTHER_ARMS:
             distances, middles, spreads = _leave_one_out(rows)
             far = int(distances.argmax())
@@ -91,8 +93,8 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
             arm, value, _ = rows.pop(far)
             scale = estimates[arm].typical_of(key)
             numbers = value * scale, float(middles[far]) * scale, float(spreads[far]) * scale
-            found.append(FleetOutlier(records[arm].name, key, *numbers, float(distances[far])))
-    return tuple(sorted(found, key=lambda one: -one.distance))
+            odd.append(FleetOutlier(records[arm].name, key, *numbers, float(distances[far])))
+    return tuple(sorted(odd, key=lambda outlier: -outlier.distance))
 
 
 def _leave_one_out(rows: Sequence[Estimated]) -> tuple[Array, Array, Array]:
@@ -118,11 +120,11 @@ def _medians_of_others(values: Array) -> Array:
 
 def _by_key(estimates: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
     """Estimates of each parameter: (arm, estimate, standard error) in typical sizes."""
-    known: dict[str, list[Estimated]] = {}
-    for arm, one in enumerate(estimates):
-        for key, value, variance in zip(one.keys, one.mean, np.diag(one.covariance), strict=True):
-            known.setdefault(key, []).append((arm, float(value), float(np.sqrt(variance))))
-    return known
+    by_key: dict[str, list[Estimated]] = {}
+    for arm, estimate in enumerate(estimates):
+        for key, value, variance in zip(estimate.keys, estimate.mean, np.diag(estimate.covariance), strict=True):
+            by_key.setdefault(key, []).append((arm, float(value), float(np.sqrt(variance))))
+    return by_key
 
 
 def _of_effects(
@@ -142,12 +144,12 @@ def _of_effects(
 def _of_parameters(
     tag: str, levels: Sequence[tuple[str, list[int]]], estimates: Sequence[ArmEstimates]
 ) -> Iterator[TagAssociation]:
-    for key, known in _by_key(estimates).items():
-        value = {arm: estimate for arm, estimate, error in known if error < DETERMINED}
+    for key, estimates_of_key in _by_key(estimates).items():
+        value = {arm: estimate for arm, estimate, error in estimates_of_key if error < DETERMINED}
         groups = [[value[arm] for arm in group if arm in value] for _, group in levels]
         full = [group for group in groups if len(group) >= FEWEST_OF_A_LEVEL]
         if len(full) >= 2 and np.ptp(np.concatenate(full)) > 0:
-            scale = estimates[known[0][0]].typical_of(key)
+            scale = estimates[estimates_of_key[0][0]].typical_of(key)
             seen = ((level, group) for (level, _), group in zip(levels, groups, strict=True) if group)
             words = tuple((level, f"median {np.median(group) * scale:.3g}") for level, group in seen)
             yield TagAssociation(key, tag, _rank_test(full), words)

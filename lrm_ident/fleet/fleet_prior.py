@@ -73,10 +73,10 @@ def arm_estimates(name: str, evidence: ModelFile, arm: Arm) -> ArmEstimates:
     model = to_model(Path(name), evidence, arm)
     if evidence.covariance is None:
         raise LrmError(f"{name}: the fit has no covariance")
-    known = to_covariance(evidence.covariance, evidence.sigma, model)
-    typical = np.array([model.parameter(key).typical for key in known.keys])
-    mean = np.array([model.value(key) for key in known.keys]) / typical
-    return ArmEstimates(model, known.keys, mean, known.matrix / np.outer(typical, typical))
+    covariance = to_covariance(evidence.covariance, evidence.sigma, model)
+    typical = np.array([model.parameter(key).typical for key in covariance.keys])
+    mean = np.array([model.value(key) for key in covariance.keys]) / typical
+    return ArmEstimates(model, covariance.keys, mean, covariance.matrix / np.outer(typical, typical))
 
 
 def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) -> FleetKnowledge:
@@ -86,12 +86,12 @@ def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimat
     """
     if len(records) < FEWEST_ARMS:
         raise LrmError(f"{len(records)} arms determine no spread; a fleet's prior needs at least {FEWEST_ARMS}")
-    keys = tuple(dict.fromkeys(key for one in estimates for key in one.keys))
-    by_key = {key: one.typical_of(key) for one in estimates for key in one.keys}
+    keys = tuple(dict.fromkeys(key for estimate in estimates for key in estimate.keys))
+    by_key = {key: estimate.typical_of(key) for estimate in estimates for key in estimate.keys}
     place = {key: number for number, key in enumerate(keys)}
-    evidence = [arm_evidence(one, place) for one in estimates]
+    evidence = [arm_evidence(estimate, place) for estimate in estimates]
     every = effect_rates([record.steps for record in records], [record.tested for record in records])
-    rates = tuple(one for one in every if EffectRef.parse(one.name).id not in DEFAULT_EFFECTS)
+    rates = tuple(effect_rate for effect_rate in every if EffectRef.parse(effect_rate.name).id not in DEFAULT_EFFECTS)
     typical = np.array([by_key[key] for key in keys])
     return FleetKnowledge(keys, typical, fit_population(evidence, len(keys)), rates, len(records))
 
@@ -105,50 +105,50 @@ def arm_evidence(estimates: ArmEstimates, place: dict[str, int]) -> ArmEvidence:
     return ArmEvidence(np.array([place[key] for key in estimates.keys]), information, posterior @ estimates.mean)
 
 
-def prior_text(known: FleetKnowledge, name: str, source: str) -> str:
+def prior_text(knowledge: FleetKnowledge, name: str, source: str) -> str:
     """The prior file, schema `lrm/prior/1`, as TOML text."""
-    return tomli_w.dumps(prior_file(known, name, source).model_dump(by_alias=True, exclude_none=True))
+    return tomli_w.dumps(prior_file(knowledge, name, source).model_dump(by_alias=True, exclude_none=True))
 
 
-def parameter_values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
+def parameter_values(knowledge: FleetKnowledge) -> dict[str, dict[str, Any]]:
     """Mean and spread of every parameter with their intervals, in the unit of its key, and how many arms have it."""
-    found, scale = known.population, known.typical
+    population, scale = knowledge.population, knowledge.typical
     return {
         key: {
-            "mean": float(found.mean[j] * scale[j]),
-            "mean_interval": [float(side[j] * scale[j]) for side in found.mean_interval],
-            "spread": float(found.spread[j] * scale[j]),
-            "spread_interval": [float(side[j] * scale[j]) for side in found.spread_interval],
-            "arms": int(found.arms[j]),
+            "mean": float(population.mean[j] * scale[j]),
+            "mean_interval": [float(side[j] * scale[j]) for side in population.mean_interval],
+            "spread": float(population.spread[j] * scale[j]),
+            "spread_interval": [float(side[j] * scale[j]) for side in population.spread_interval],
+            "arms": int(population.arms[j]),
         }
-        for j, key in enumerate(known.keys)
+        for j, key in enumerate(knowledge.keys)
     }
 
 
-def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
+def prior_file(knowledge: FleetKnowledge, name: str, source: str) -> PriorFile:
     """The prior of a fleet's next arm."""
-    covariance = known.population.predictive_covariance
-    sds = np.sqrt(np.diag(covariance)) * known.typical
+    covariance = knowledge.population.predictive_covariance
+    sds = np.sqrt(np.diag(covariance)) * knowledge.typical
     parameters = {
         key: GaussianTable(sd=_rounded(sd), **{field: _rounded(value) for field, value in values.items()})
-        for (key, values), sd in zip(parameter_values(known).items(), sds, strict=True)
+        for (key, values), sd in zip(parameter_values(knowledge).items(), sds, strict=True)
     }
-    listed = [one for one in known.rates if one.found > 0 or one.rate > RARE]
-    others = [one.rate for one in known.rates if one not in listed]
+    listed = [effect_rate for effect_rate in knowledge.rates if effect_rate.found > 0 or effect_rate.rate > RARE]
+    others = [effect_rate.rate for effect_rate in knowledge.rates if effect_rate not in listed]
     return PriorFile(
         schema="lrm/prior/1",
         name=name,
         source=source,
         parameters=parameters,
-        covariance=covariance_table(known.keys, covariance),
+        covariance=covariance_table(knowledge.keys, covariance),
         effects={
-            one.name: EffectRateTable(
-                rate=_rounded(one.rate),
-                interval=[_rounded(one.low), _rounded(one.high)],
-                found=round(one.found, 3),
-                arms=one.arms,
+            effect_rate.name: EffectRateTable(
+                rate=_rounded(effect_rate.rate),
+                interval=[_rounded(effect_rate.low), _rounded(effect_rate.high)],
+                found=round(effect_rate.found, 3),
+                arms=effect_rate.arms,
             )
-            for one in listed
+            for effect_rate in listed
         },
         other_rate=_rounded(max(others)) if others else None,
     )

@@ -101,7 +101,7 @@ def fleet_columns(result: FleetResult) -> dict[str, list[Any]]:
     rows = [_row(member, record) for member, record in zip(result.members, result.records, strict=True)]
     columns = {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
     columns["effects"] = [" ".join(names or ()) for names in columns["effects"]]
-    keys = dict.fromkeys(key for one in result.estimates.values() for key in one.keys)
+    keys = dict.fromkeys(key for estimate in result.estimates.values() for key in estimate.keys)
     for key in keys:
         pairs = [_estimate(result.estimates.get(record.name), key) for record in result.records]
         columns[key], columns[f"{key}_se"] = [value for value, _ in pairs], [error for _, error in pairs]
@@ -134,10 +134,10 @@ def _row(member: FleetMember, record: ArmRecord) -> dict[str, Any]:
 def _arms_table(result: FleetResult) -> ResultTable:
     tags, rows = result.tags, []
     for member, record in zip(result.members, result.records, strict=True):
-        own, found = dict(member.tags), ", ".join(map(causes_words, record.steps))
-        missing = "not identified" if record.reason else found or "nothing"
+        tags_of_arm, causes = dict(member.tags), ", ".join(map(causes_words, record.steps))
+        missing = "not identified" if record.reason else causes or "nothing"
         numbers = (record.poses or None, record.nominal_rms_mm, record.held_out_rms_mm)
-        rows.append((record.name, *(own.get(tag, "") for tag in tags), *numbers, missing))
+        rows.append((record.name, *(tags_of_arm.get(tag, "") for tag in tags), *numbers, missing))
     columns = ("arm", *tags, "poses|d", "nominal RMS mm|.2f", "held out mm|.2f", "what is missing in the plain model")
     return ResultTable(columns, rows, "Arms")
 
@@ -149,8 +149,8 @@ def causes_words(causes: Sequence[str]) -> str:
 
 def rate_words(rate: EffectRate) -> str:
     """Words such as `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
-    found = f"{rate.found:.2g}" if rate.found < 10 else f"{rate.found:.0f}"  # unsure arms count in part
-    return f"{found} of {rate.arms} arms (of the kind: {_interval(rate)} %)"
+    count_words = f"{rate.found:.2g}" if rate.found < 10 else f"{rate.found:.0f}"  # unsure arms count in part
+    return f"{count_words} of {rate.arms} arms (of the kind: {_interval(rate)} %)"
 
 
 def _interval(rate: EffectRate) -> str:
@@ -158,15 +158,15 @@ def _interval(rate: EffectRate) -> str:
     return f"{100.0 * rate.low:.0f} to {100.0 * rate.high:.0f}"
 
 
-def outlier_sentence(one: FleetOutlier) -> str:
+def outlier_sentence(outlier: FleetOutlier) -> str:
     """What stands out in an arm, with what to look at."""
-    what, place, name = ParameterRef.parse(one.key)
-    ratio = one.value / one.sisters if one.sisters else 0.0
+    what, place, name = ParameterRef.parse(outlier.key)
+    ratio = outlier.value / outlier.sisters if outlier.sisters else 0.0
     how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
     look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"
     return (
-        f"{one.arm}: {place}'s {what} {name} is {one.value:.3g}, {how} "
-        f"({quantity(one.sisters, one.sisters_sd)}): {look}"
+        f"{outlier.arm}: {place}'s {what} {name} is {outlier.value:.3g}, {how} "
+        f"({quantity(outlier.sisters, outlier.sisters_sd)}): {look}"
     )
 
 
@@ -175,15 +175,19 @@ def _link_words(link: TagAssociation) -> str:
     return f"{link.what} goes with {link.tag} (p {p_words(link.p_value)}): {levels}"
 
 
-def _rates_table(known: FleetKnowledge) -> ResultTable:
-    rows = [(one.name, one.found, one.arms, _interval(one)) for one in known.rates[:MOST_RATES] if one.found > 0]
+def _rates_table(knowledge: FleetKnowledge) -> ResultTable:
+    rows = [
+        (effect_rate.name, effect_rate.found, effect_rate.arms, _interval(effect_rate))
+        for effect_rate in knowledge.rates[:MOST_RATES]
+        if effect_rate.found > 0
+    ]
     columns = ("effect", "found|.1f", "of arms|d", "of the kind (95 %), %|")
     return ResultTable(columns, rows, "How often an effect is there")
 
 
-def _population_table(known: FleetKnowledge) -> ResultTable:
+def _population_table(knowledge: FleetKnowledge) -> ResultTable:
     rows = []
-    for key, table in parameter_values(known).items():
+    for key, table in parameter_values(knowledge).items():
         low, high = table["mean_interval"]
         least, most = table["spread_interval"]
         rows.append(
@@ -202,21 +206,21 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
     arm_named = cache(lambda name: arm_of(models / "NAME.toml", name))
     pairs = zip(members, records, strict=True)
     done = [(m, r, arm_estimates(r.name, r.evidence, arm_named(r.evidence.arm))) for m, r in pairs if r.evidence]
-    found = outliers([record for _, record, _ in done], [own for *_, own in done])
-    odd = {one.arm for one in found}
-    kept = [one for one in done if one[1].name not in odd]
-    sisters, theirs = [record for _, record, _ in kept], [own for *_, own in kept]
-    known: FleetKnowledge | str
+    odd_arms = outliers([record for _, record, _ in done], [estimates_of_arm for *_, estimates_of_arm in done])
+    odd = {outlier.arm for outlier in odd_arms}
+    kept = [item for item in done if item[1].name not in odd]
+    sisters, theirs = [record for _, record, _ in kept], [estimates_of_arm for *_, estimates_of_arm in kept]
+    knowledge: FleetKnowledge | str
     try:
-        known = fleet_knowledge(sisters, theirs)
+        knowledge = fleet_knowledge(sisters, theirs)
     except LrmError as error:
-        known = str(error)
-    rates = () if isinstance(known, str) else known.rates
+        knowledge = str(error)
+    rates = () if isinstance(knowledge, str) else knowledge.rates
     return FleetResult(
         members=tuple(members),
         records=tuple(records),
-        estimates={record.name: own for _, record, own in done},
-        known=known,
+        estimates={record.name: estimates_of_arm for _, record, estimates_of_arm in done},
+        known=knowledge,
         links=tag_associations([member for member, *_ in kept], sisters, theirs, rates) if kept else (),
-        outliers=found,
+        outliers=odd_arms,
     )

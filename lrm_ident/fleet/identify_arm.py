@@ -124,7 +124,7 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
         poses=len(study.data),
         verdict=run.verdict,
         steps=steps,
-        tested=sorted({*chain(*steps), *(one.name for one in run.diagnosis.scored)}),
+        tested=sorted({*chain(*steps), *(candidate.name for candidate in run.diagnosis.scored)}),
         outliers=list(study.data.source.left_out),
         nominal_rms_mm=nominal.nominal_error.rms * 1e3,
         fit_rms_mm=study.errors.fitted.rms * 1e3,
@@ -142,7 +142,7 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     up a play) too: one arm may hardly determine them, but its sisters have the same.
     """
     keys = zip(model.keys, model.parameters, strict=True)
-    whole = replace(model, free=tuple(key for key, one in keys if one.fixed is None or one.scan))
+    whole = replace(model, free=tuple(key for key, parameter in keys if parameter.fixed is None or parameter.scan))
     signed = bounds_of(whole, whole.free)
     plain = np.array([ParameterRef.parse(key).id in DEFAULT_EFFECTS for key in whole.free])
     bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))

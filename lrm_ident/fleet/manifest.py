@@ -39,20 +39,20 @@ def read_manifest(path: Path) -> tuple[FleetMember, ...]:
     """
     table = read_csv(path, ["data"])
     lower = [column.lower() for column in table.header]
-    place = {own: lower.index(own) for own in OWN if own in lower}
+    place = {column: lower.index(column) for column in OWN if column in lower}
     members = []
     for number, row in enumerate(table.rows):
-        known = {own: row[j] for own, j in place.items()}
-        if not known["data"]:
+        entries = {column: row[j] for column, j in place.items()}
+        if not entries["data"]:
             raise cell_error(table, number, "data", "the cell is empty", "the path of the measurements")
-        arm = known.get("arm", "")
+        arm = entries.get("arm", "")
         if arm and arm not in shipped_arms():
             arm = (path.parent / arm).as_posix()
         tags = tuple((column, row[j]) for j, column in enumerate(table.header) if column and lower[j] not in OWN)
-        name = known.get("name") or Path(known["data"]).stem
+        name = entries.get("name") or Path(entries["data"]).stem
         if not NAME.fullmatch(name):
             raise cell_error(table, number, "name", f"'{name}' names no file", "letters, digits, . _ and -")
-        members.append(FleetMember(name, path.parent / known["data"], arm, tags))
+        members.append(FleetMember(name, path.parent / entries["data"], arm, tags))
     twice = [name for name, count in Counter(member.name for member in members).items() if count > 1]
     if twice:
         raise FileError(path, "", f"two arms are called {twice[0]}", "give each its own in a column name")

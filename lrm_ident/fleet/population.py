@@ -88,8 +88,8 @@ def fit_population(arms: Sequence[ArmEvidence], count: int) -> Population:
     many = stacked.present.sum(axis=0).astype(np.float64)
     spread = np.exp(_log_spreads(stacked, many))
     mean, error, _, precisions = _expectation(stacked, spread)
-    own = np.einsum("nii->ni", precisions)
-    effective = own.sum(axis=0) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)
+    diagonals = np.einsum("nii->ni", precisions)
+    effective = diagonals.sum(axis=0) ** 2 / np.maximum((diagonals**2).sum(axis=0), 1e-300)
     freedom = _freedom(precisions, spread, many)
     return Population(mean, error, spread, freedom, np.maximum(effective - 1.0, 0.0), many)
 

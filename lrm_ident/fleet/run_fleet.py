@@ -45,9 +45,9 @@ def run_fleet(
         except LrmError as error:
             records[number] = ArmRecord(name=member.name, sha256="", reason=str(error).splitlines()[0])
             continue
-        known = stored_record(folder / ARMS / f"{member.name}.json")
-        if known is not None and known.sha256 == task.sha256:
-            records[number] = known
+        stored = stored_record(folder / ARMS / f"{member.name}.json")
+        if stored is not None and stored.sha256 == task.sha256:
+            records[number] = stored
         else:
             tasks.append((number, task))
     before = len(records)
@@ -67,10 +67,10 @@ def task_of(member: FleetMember, models: Path) -> ArmTask:
     arm = member.arm
     data = read_content(member.data)
     if not arm:
-        known = metadata_of(member.data)
-        if known is None or known.arm is None:
+        metadata = metadata_of(member.data)
+        if metadata is None or metadata.arm is None:
             raise FileError(member.data, "", "no arm given", "a column arm, or arm in the .toml file beside the data")
-        arm = known.arm
+        arm = metadata.arm
         if arm not in shipped_arms() and (beside.parent / arm).exists():
             arm = (beside.parent / arm).as_posix()
     return ArmTask(

@@ -110,4 +110,4 @@ def _names(values: Any, above: str = "") -> Iterator[str]:
 
 def _kinds(cells: Iterable[str]) -> str:
     counted = Counter("empty" if not cell.strip() else "numbers" if is_number(cell) else "text" for cell in cells)
-    return ", ".join(f"{count} {kind}" for kind, count in sorted(counted.items(), key=lambda one: -one[1]))
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(counted.items(), key=lambda item: -item[1]))

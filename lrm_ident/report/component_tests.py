@@ -12,27 +12,27 @@ from lrm_ident.report.document import Block, Document, ResultTable, heading
 SURE, SIGNIFICANT = 2.0, 0.01
 
 
-def stiffness_document(found: StiffnessEstimate) -> Document:
+def stiffness_document(estimate: StiffnessEstimate) -> Document:
     """Result of `lrm-ident stiffness`, schema `lrm/stiffness/1`: slope, linearity, loop, and the line for a prior file.
 
     A joint is softer than its servo: on the thesis's arm two to four times (Table 6.1 against Figure 5.7). So the
     prior's SD is twice the slope, however well the slope is known.
     """
-    torque, secants = found.test.torque, found.secants
+    torque, secants = estimate.test.torque, estimate.secants
     rows = [
-        ("slope (compliance)", quantity(found.slope, found.slope_error), "rad/Nm"),
+        ("slope (compliance)", quantity(estimate.slope, estimate.slope_error), "rad/Nm"),
         ("slopes between neighbouring loads", f"{min(secants):.4f} to {max(secants):.4f}", "rad/Nm"),
-        ("largest departure from the line", f"{100 * found.departure:.1f}", "% of the deflection"),
-        ("scatter of a reading", f"{np.degrees(found.scatter):.3f}", "deg"),
+        ("largest departure from the line", f"{100 * estimate.departure:.1f}", "% of the deflection"),
+        ("scatter of a reading", f"{np.degrees(estimate.scatter):.3f}", "deg"),
     ]
     loop = None
-    if found.loop is not None and found.loop_error is not None:
-        loop = {"value": found.loop, "se": found.loop_error}
-        width = quantity(float(np.degrees(found.loop)), float(np.degrees(found.loop_error)))
+    if estimate.loop is not None and estimate.loop_error is not None:
+        loop = {"value": estimate.loop, "se": estimate.loop_error}
+        width = quantity(float(np.degrees(estimate.loop)), float(np.degrees(estimate.loop_error)))
         rows.insert(3, ("loop, unloading above loading", width, "deg"))
     title = f"{len(torque)} readings, {torque.min():.2f} to {torque.max():.2f} N·m"
-    prior = f"{{ mean = {found.slope:.4f}, sd = {2.0 * found.slope:.4f} }}"
-    verdict = [_linearity(found), _hysteresis(found)]
+    prior = f"{{ mean = {estimate.slope:.4f}, sd = {2.0 * estimate.slope:.4f} }}"
+    verdict = [_linearity(estimate), _hysteresis(estimate)]
     blocks: list[Block] = [
         ResultTable(("", "value|", ""), rows, title),
         *verdict,
@@ -41,42 +41,49 @@ def stiffness_document(found: StiffnessEstimate) -> Document:
     ]
     values = {
         "readings": len(torque),
-        "k_rad_per_Nm": {"value": found.slope, "se": found.slope_error},
+        "k_rad_per_Nm": {"value": estimate.slope, "se": estimate.slope_error},
         "secants_rad_per_Nm": secants,
-        "departure_from_line": found.departure,
-        "curvature_p_value": found.curvature_p,
+        "departure_from_line": estimate.departure,
+        "curvature_p_value": estimate.curvature_p,
         "loop_rad": loop,
-        "scatter_rad": found.scatter,
+        "scatter_rad": estimate.scatter,
         "verdict": verdict,
     }
     return Document(blocks, "lrm/stiffness/1", values)
 
 
-def _linearity(found: StiffnessEstimate) -> str:
-    if found.curvature_p is None:
+def _linearity(estimate: StiffnessEstimate) -> str:
+    if estimate.curvature_p is None:
         return "Too few readings to tell whether the spring is linear."
-    if found.curvature_p < SIGNIFICANT:
-        return f"The spring is not linear (p {p_words(found.curvature_p)}): look for nonlinear_stiffness or backlash."
-    return f"Nothing shows that the spring is not linear (p {p_words(found.curvature_p)})."
+    if estimate.curvature_p < SIGNIFICANT:
+        return (
+            f"The spring is not linear (p {p_words(estimate.curvature_p)}): look for nonlinear_stiffness or backlash."
+        )
+    return f"Nothing shows that the spring is not linear (p {p_words(estimate.curvature_p)})."
 
 
-def _hysteresis(found: StiffnessEstimate) -> str:
-    if found.loop is None or found.loop_error is None:
+def _hysteresis(estimate: StiffnessEstimate) -> str:
+    if estimate.loop is None or estimate.loop_error is None:
         return "It was never unloaded: whether there is play or friction cannot be told."
-    if found.loop < SURE * found.loop_error:
-        return f"No loop wider than {np.degrees(found.loop + SURE * found.loop_error):.2f} deg."
+    if estimate.loop < SURE * estimate.loop_error:
+        return f"No loop wider than {np.degrees(estimate.loop + SURE * estimate.loop_error):.2f} deg."
     return "It does not come back the way it went: play or friction; look for backlash and hysteresis."
 
 
-def alignment_document(found: Alignment) -> Document:
+def alignment_document(alignment: Alignment) -> Document:
     """Result of `lrm-ident align`, schema `lrm/alignment/1`: the targets' offset, axis by axis."""
-    deviation, error, noise = (1e3 * values for values in (found.deviation, found.error, found.noise))
+    deviation, error, noise = (1e3 * values for values in (alignment.deviation, alignment.error, alignment.noise))
     columns = ("axis", "deviation mm|.3f", "± standard error|", "noise mm|.3f")
     rows = [("xyz"[i], deviation[i], f"± {error[i]:.3f}", noise[i]) for i in range(3)]
-    sd = np.sqrt(np.mean(found.noise**2)) * 1e3
+    sd = np.sqrt(np.mean(alignment.noise**2)) * 1e3
     blocks: list[Block] = [
-        ResultTable(columns, rows, f"{found.readings} readings of the fixture"),
+        ResultTable(columns, rows, f"{alignment.readings} readings of the fixture"),
         f"For the file beside the measurements: noise_sd_mm = {sd:.3f}",
     ]
-    values = {"readings": found.readings, "deviation_mm": deviation, "standard_error_mm": error, "noise_sd_mm": noise}
+    values = {
+        "readings": alignment.readings,
+        "deviation_mm": deviation,
+        "standard_error_mm": error,
+        "noise_sd_mm": noise,
+    }
     return Document(blocks, "lrm/alignment/1", values)

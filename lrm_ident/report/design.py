@@ -36,108 +36,108 @@ ALIKE, PARTS_SHOWN, PER_LINE = 0.2, 3, 9
 UNIT_WORDS = {"thesis": "mm per rad, mm or rad/Nmm", "scaled": "mm per typical size"}
 
 
-def choice_document(model: Model, found: PoseSelection, data: Measurements) -> Document:
+def choice_document(model: Model, selection: PoseSelection, data: Measurements) -> Document:
     """Result of `lrm-ident choose-poses`, schema `lrm/choice/1`; its figure shows every pose and where its TCP is."""
-    n, best, o1 = len(found.rows), found.o1_upper_bound, found.observability.O1
+    n, best, o1 = len(selection.rows), selection.o1_upper_bound, selection.observability.O1
     title = f"{n} of {len(data)} poses, {len(model.free)} parameters"
     fits = []
-    for one in found.fits:
-        rest = "–" if one.error_rest is None else one.error_rest.mean * 1e3
-        broken = ", ".join(f"{symbol(key)} = {one.fit.model.value(key):.3g}" for key in one.violated_bounds)
-        fits.append((one.name, *stats_in_mm(one.error_all)[:2], rest, broken or "nothing"))
+    for fit in selection.fits:
+        rest = "–" if fit.error_rest is None else fit.error_rest.mean * 1e3
+        broken = ", ".join(f"{symbol(key)} = {fit.fit.model.value(key):.3g}" for key in fit.violated_bounds)
+        fits.append((fit.name, *stats_in_mm(fit.error_all)[:2], rest, broken or "nothing"))
     columns = ("fit", "mean mm, all|.2f", "RMS mm, all|.2f", "mean mm, others|.2f", "against physics")
     blocks: list[Block] = [
-        _index_table(title, found.observability, found.random_baseline),
+        _index_table(title, selection.observability, selection.random_baseline),
         f"O1 reaches {100 * o1 / best:.1f} % of {best:.4g}, which no {n} of these poses can exceed.",
         ResultTable(columns, fits, "Identified on them"),
-        f"Poses: {' '.join(map(str, data.pose[found.rows]))}",
+        f"Poses: {' '.join(map(str, data.pose[selection.rows]))}",
     ]
     values = {
-        "poses": data.pose[found.rows],
-        "observability": found.observability,
-        "drawn_blindly": found.random_baseline,
+        "poses": data.pose[selection.rows],
+        "observability": selection.observability,
+        "drawn_blindly": selection.random_baseline,
         "o1_no_choice_exceeds": best,
         "identified": [
             {
-                "how": one.name,
-                "error_all": one.error_all,
-                "error_rest": one.error_rest,
-                "against_physics": one.violated_bounds,
-                "at_bound": one.fit.at_bound,
+                "how": fit.name,
+                "error_all": fit.error_all,
+                "error_rest": fit.error_rest,
+                "against_physics": fit.violated_bounds,
+                "at_bound": fit.fit.at_bound,
             }
-            for one in found.fits
+            for fit in selection.fits
         ],
     }
-    chosen = np.isin(np.arange(len(data)), found.rows).astype(int)
+    chosen = np.isin(np.arange(len(data)), selection.rows).astype(int)
     poses = zip(data.pose, chosen, *(data.tcp.T * 1e3), strict=True)
     behind = ResultTable(("pose|d", "chosen|d", "x_mm|.4f", "y_mm|.4f", "z_mm|.4f"), list(poses))
     return Document(blocks, "lrm/choice/1", values, behind)
 
 
-def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
+def design_document(task: DesignProblem, offer: CandidateSet, chosen: PoseDesign) -> Document:
     """Result of `lrm-ident design`, schema `lrm/design/2`; its figure shows expected errors and detectable sizes."""
-    repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
-    leads = [*_leads(found), *_holds(found)]
+    repeats, gains = len(chosen.poses) - len(chosen.rows), list(_gains(task, chosen))
+    leads = [*_leads(chosen), *_holds(chosen)]
     described = candidates_words(offer.origin) if isinstance(offer.origin, ClearAngles) else offer.origin
     limitations: tuple[Limitation, ...] = ()  # poses that add to measured ones are audited with these
     if task.measured is None and task.prior is None:
-        torque = solve_equilibrium(task.model, found.poses).joint_torque
-        limitations = audit(found.poses, torque)
-    together = len(found.rows) + (0 if task.measured is None else len(task.measured))
-    title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
+        torque = solve_equilibrium(task.model, chosen.poses).joint_torque
+        limitations = audit(chosen.poses, torque)
+    together = len(chosen.rows) + (0 if task.measured is None else len(task.measured))
+    title = f"{len(chosen.rows)} poses, {len(chosen.keys)} parameters"
     blocks: list[Block] = [
         heading(f"{title}, the arm known beforehand" if task.prior is not None else title),
         gains[0],
         *leads,
-        *_distinguished(task, found),
-        f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
+        *_distinguished(task, chosen),
+        f"To measure: {len(chosen.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
         "each joint from the side in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones.",
-        *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
+        *([TOO_FEW.format(together, len(chosen.keys))] if together < len(chosen.keys) and task.prior is None else []),
         *section("\nWhat these poses lack", map(limitation_sentence, limitations)),
     ]
     details: list[Block] = [
         *gains[1:],
         f"Candidates: {described}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
-        *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
-        _error_table(found),
+        *([] if task.prior is not None else [_index_table(title, chosen.observability, chosen.random_baseline)]),
+        _error_table(chosen),
     ]
     values = {
         "candidates": len(offer.poses),
         "candidates_in_words": described,
         "refused": offer.rejected,
-        "poses": len(found.rows),
+        "poses": len(chosen.rows),
         "repeats": repeats,
-        "hold_s": found.dwell,
+        "hold_s": chosen.dwell,
         "distinguished_in_trials": [
             {"there": there, "instead": instead, "of": TRIALS, "told": count}
-            for (there, instead), count in found.trials.items()
+            for (there, instead), count in chosen.trials.items()
         ],
         "noise_mm": task.noise * 1e3,
-        "parameters": found.keys,
-        "observability": found.observability,
-        "drawn_blindly": found.random_baseline,
-        "now": None if found.before is None else _knowledge(found, found.before),
-        "with_these": _knowledge(found, found.after),
-        "with_blind_ones": _knowledge(found, found.random_after),
+        "parameters": chosen.keys,
+        "observability": chosen.observability,
+        "drawn_blindly": chosen.random_baseline,
+        "now": None if chosen.before is None else _knowledge(chosen, chosen.before),
+        "with_these": _knowledge(chosen, chosen.after),
+        "with_blind_ones": _knowledge(chosen, chosen.random_after),
         "in_words": [*gains, *leads],
         "limitations": stated(limitations, limitation_sentence),
     }
     about = "candidates, observability indices, the least known parameters"
-    return Document(blocks, "lrm/design/2", values, _knowledge_table(found), details, about)
+    return Document(blocks, "lrm/design/2", values, _knowledge_table(chosen), details, about)
 
 
-def pose_table(found: PoseDesign) -> ResultTable:
+def pose_table(chosen: PoseDesign) -> ResultTable:
     """The pose file, in the order to measure."""
-    poses, q = found.poses, np.degrees(found.poses.q)
+    poses, q = chosen.poses, np.degrees(chosen.poses.q)
     sides = np.zeros_like(q) if poses.direction is None else poses.direction
-    angles, _, approaches = (known.columns for known in quantities_of_joints(q.shape[1]))
+    angles, _, approaches = (quantity.columns for quantity in quantities_of_joints(q.shape[1]))
     columns = ["pose|d", *(f"{name}|.6f" for name in angles), "payload_g|.3f"]
     columns += [*(f"{name}|.0f" for name in approaches), "repeat_of|d"]
-    parts = [found.number, *q.T, poses.payload * 1e3, *sides.T, found.repeat_of]
-    if found.dwell:
+    parts = [chosen.number, *q.T, poses.payload * 1e3, *sides.T, chosen.repeat_of]
+    if chosen.dwell:
         columns.append("hold_s|.0f")
-        parts.append(found.hold)
+        parts.append(chosen.hold)
     return ResultTable(columns, list(zip(*parts, strict=True)))
 
 
@@ -147,63 +147,65 @@ def _index_table(title: str, chosen: Observability, random: Observability) -> Re
     return ResultTable(columns, [(name, *vars(indices).values()) for name, indices in named], title)
 
 
-def known_sets(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
+def known_sets(chosen: PoseDesign) -> dict[str, ExpectedAccuracy]:
     """Accuracy expected of each set of poses that there is."""
-    sets = {"now": found.before, "with these": found.after, "with random poses": found.random_after}
+    sets = {"now": chosen.before, "with these": chosen.after, "with random poses": chosen.random_after}
     return {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
 
 
-def _error_table(found: PoseDesign) -> ResultTable:
+def _error_table(chosen: PoseDesign) -> ResultTable:
     """The parameters that stay least known, as motion of the TCP."""
-    known = known_sets(found)
-    columns = ("parameter (mm of TCP motion)", *(f"{name}|.3f" for name in known))
-    worst = np.argsort(-found.after.standard_errors)[:WORST_SHOWN]
-    rows = [(found.keys[j], *(knowledge.standard_errors[j] for knowledge in known.values())) for j in worst]
+    accuracies = known_sets(chosen)
+    columns = ("parameter (mm of TCP motion)", *(f"{name}|.3f" for name in accuracies))
+    worst = np.argsort(-chosen.after.standard_errors)[:WORST_SHOWN]
+    rows = [(chosen.keys[j], *(knowledge.standard_errors[j] for knowledge in accuracies.values())) for j in worst]
     return ResultTable(columns, rows, "Least known: expected standard errors")
 
 
-def _knowledge_table(found: PoseDesign) -> ResultTable:
+def _knowledge_table(chosen: PoseDesign) -> ResultTable:
     """Expected standard errors as motion of the TCP (mm), and least detectable sizes of rivals (typical sizes).
 
     A cell is empty where a rival is never detectable.
     """
-    known = known_sets(found)
-    errors = zip(*(knowledge.standard_errors for knowledge in known.values()), strict=True)
-    rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(found.keys, errors, strict=True)]
-    for rivals in zip(*(knowledge.rivals for knowledge in known.values() if knowledge.rivals), strict=True):
+    accuracies = known_sets(chosen)
+    errors = zip(*(knowledge.standard_errors for knowledge in accuracies.values()), strict=True)
+    rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(chosen.keys, errors, strict=True)]
+    for rivals in zip(*(knowledge.rivals for knowledge in accuracies.values() if knowledge.rivals), strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
-    return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
+    return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in accuracies)), rows)
 
 
-def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
+def _gains(task: DesignProblem, chosen: PoseDesign) -> Iterator[str]:
     """Expectation of what the poses identify and separate, one sentence each."""
-    now = "" if found.before is None else f"{found.before.tcp:.3g} mm now, "
+    current = "" if chosen.before is None else f"{chosen.before.tcp:.3g} mm now, "
     yield (
-        f"Expected error of the tip from the parameters alone: {found.after.tcp:.3g} mm RMS over the candidates ({now}"
-        f"{found.random_after.tcp:.3g} mm with random poses; noise {task.noise * 1e3:g} mm per axis)."
+        f"Expected error of the tip from the parameters alone: {chosen.after.tcp:.3g} mm RMS over the candidates "
+        f"({current}{chosen.random_after.tcp:.3g} mm with random poses; noise {task.noise * 1e3:g} mm per axis)."
     )
-    was = None if found.before is None else found.before.discrimination
-    apart, random = found.after.discrimination, found.random_after.discrimination
+    was = None if chosen.before is None else chosen.before.discrimination
+    apart, random = chosen.after.discrimination, chosen.random_after.discrimination
     if apart is None or random is None:
         return
     if len(apart.rivals) > 1:
         earlier = "" if was is None else f"{was.cosine:.2f} now, "
-        one, other = (plain_name(rival.name) for rival in apart.rivals[:2])
+        first, other = (plain_name(rival.name) for rival in apart.rivals[:2])
         yield (
-            f"Cosine between the motions of {one} and {other}: {apart.cosine:.2f} "
+            f"Cosine between the motions of {first} and {other}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
 
 
-def _leads(found: PoseDesign) -> Iterator[str]:
+def _leads(chosen: PoseDesign) -> Iterator[str]:
     """What a diagnosis after these poses is expected to tell of each pair of rivals of typical size."""
     least: dict[frozenset[str], CausePair] = {}
-    for pair in found.pairs:
+    for pair in chosen.pairs:
         both = frozenset((pair.there, pair.instead))
-        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.distinguishable_if_exact, one.lead))
+        least[both] = min(
+            least.get(both, pair), pair, key=lambda rivals: (rivals.distinguishable_if_exact, rivals.lead)
+        )
     for pair in least.values():
         will, ways = pair.distinguishable_if_exact, ((pair.there, pair.instead), (pair.instead, pair.there))
-        tried = ", ".join(f"{there} led in {found.trials[there, instead]}" for there, instead in ways)
+        tried = ", ".join(f"{there} led in {chosen.trials[there, instead]}" for there, instead in ways)
         yield (
             f"At typical sizes a diagnosis {'will' if will else 'will not'} distinguish {pair.there} from "
             f"{pair.instead}{provided_words([pair])}: it is expected to lead by {pair.lead:.1f} standard errors, "
@@ -212,43 +214,43 @@ def _leads(found: PoseDesign) -> Iterator[str]:
         )
 
 
-def _holds(found: PoseDesign) -> Iterator[str]:
+def _holds(chosen: PoseDesign) -> Iterator[str]:
     """How long the arm stands at poses before they are measured."""
-    if found.dwell:
-        waiting = float(found.hold.sum()) / 60.0
+    if chosen.dwell:
+        waiting = float(chosen.hold.sum()) / 60.0
         yield (
-            f"Half of the poses are held for {found.dwell:g} s before the reading (hold_s): {waiting:.0f} min of "
+            f"Half of the poses are held for {chosen.dwell:g} s before the reading (hold_s): {waiting:.0f} min of "
             "waiting in all. What yields slowly shows there, and what yields at once shows at the others."
         )
 
 
-def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTable]:
+def _distinguished(task: DesignProblem, chosen: PoseDesign) -> Iterator[ResultTable]:
     """The least size at which each rival is distinguished from all else, and its standard error with these poses.
 
     Both of its first parameter.
     """
-    known = {name: one.rivals for name, one in known_sets(found).items() if one.rivals}
-    if not known:
+    rivals_of = {name: accuracy.rivals for name, accuracy in known_sets(chosen).items() if accuracy.rivals}
+    if not rivals_of:
         return
     rows = []
     for k, effect in enumerate(task.rivals):
         parameter = next(p for p in effect.parameters if p.fixed is None)
-        sizes = [rivals[k].detectable_size for rivals in known.values()]
+        sizes = [rivals[k].detectable_size for rivals in rivals_of.values()]
         shown = [
             "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
             for size in sizes
         ]
-        error = dict(known["with these"][k].standard_errors).get(parameter.name)
+        error = dict(rivals_of["with these"][k].standard_errors).get(parameter.name)
         rows.append((effect.name, *shown, "" if error is None else f"± {with_unit(error, None, parameter.unit)}"))
     power = in_percent(TARGET_POWER)
-    columns = ("effect", *(f"{name}|" for name in known), "standard error|")
+    columns = ("effect", *(f"{name}|" for name in rivals_of), "standard error|")
     yield ResultTable(columns, rows, f"Smallest size that is distinguished from all else, in {power} % of cases")
 
 
-def _knowledge(found: PoseDesign, known: ExpectedAccuracy) -> dict[str, object]:
-    errors = dict(zip(found.keys, known.standard_errors, strict=True))
-    out = {"tcp_rms_mm": known.tcp, "standard_error_as_tcp_motion_mm": errors}
-    if known.discrimination is None:
+def _knowledge(chosen: PoseDesign, accuracy: ExpectedAccuracy) -> dict[str, object]:
+    errors = dict(zip(chosen.keys, accuracy.standard_errors, strict=True))
+    out = {"tcp_rms_mm": accuracy.tcp, "standard_error_as_tcp_motion_mm": errors}
+    if accuracy.discrimination is None:
         return out
     rivals = [
         {
@@ -258,36 +260,36 @@ def _knowledge(found: PoseDesign, known: ExpectedAccuracy) -> dict[str, object]:
             "test_level": TEST_LEVEL,
             "found_from_typical_sizes": rival.detectable_size,
         }
-        for rival in known.rivals
+        for rival in accuracy.rivals
     ]
-    return out | {"cosine": known.discrimination.cosine, "separate": rivals}
+    return out | {"cosine": accuracy.discrimination.cosine, "separate": rivals}
 
 
-def elimination_document(model: Model, found: ParameterElimination) -> Document:
+def elimination_document(model: Model, elimination: ParameterElimination) -> Document:
     """Result of `lrm-ident identify-parameters`, schema `lrm/identifiability/1`; its figure shows singular values."""
-    kept, removed = len(found.kept), list(zip(found.removals, found.held, strict=True))
-    sets = {units: {"all": found.all_values[units], "kept": found.kept_values[units]} for units in UNITS}
+    kept, removed = len(elimination.kept), list(zip(elimination.removals, elimination.held, strict=True))
+    sets = {units: {"all": elimination.all_values[units], "kept": elimination.kept_values[units]} for units in UNITS}
     blocks: list[Block] = [
         heading(
-            f"{found.poses} poses determine {kept} of {len(found.keys)} parameters: every singular value reaches "
-            f"{found.threshold:g} ({UNIT_WORDS[found.units]})"
+            f"{elimination.poses} poses determine {kept} of {len(elimination.keys)} parameters: every singular value "
+            f"reaches {elimination.threshold:g} ({UNIT_WORDS[elimination.units]})"
         )
     ]
     details: list[Block] = []
     for units in UNITS:
-        details += section(f"\nSingular values, {UNIT_WORDS[units]}:", _singular_values(found, units))
-    symbols = ("  ".join(map(symbol, found.kept[k : k + PER_LINE])) for k in range(0, kept, PER_LINE))
-    blocks += section("\nDetermined:", [*symbols, *_against_table_4_5(found)])
+        details += section(f"\nSingular values, {UNIT_WORDS[units]}:", _singular_values(elimination, units))
+    symbols = ("  ".join(map(symbol, elimination.kept[k : k + PER_LINE])) for k in range(0, kept, PER_LINE))
+    blocks += section("\nDetermined:", [*symbols, *_against_table_4_5(elimination)])
     why = (f"{removal.key}: {_dependence(model, held)}" for removal, held in removed)
     blocks += section(
         "\nNot determined:", [", ".join(symbol(removal.key) for removal, _ in removed)] if removed else []
     )
     details += section("\nNot determined, in this order, and why:", why)
     values = {
-        "poses": found.poses,
-        "units": found.units,
-        "threshold_mm": found.threshold,
-        "kept": found.kept,
+        "poses": elimination.poses,
+        "units": elimination.units,
+        "threshold_mm": elimination.threshold,
+        "kept": elimination.kept,
         "removed": [
             {
                 "parameter": removal.key,
@@ -299,7 +301,7 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
             for removal, held in removed
         ],
         "singular_values_mm": sets,
-        "observability": found.observability,
+        "observability": elimination.observability,
     }
     rows = [
         (units, name, number, value)
@@ -313,18 +315,18 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     )
 
 
-def _singular_values(found: ParameterElimination, units: Units) -> Iterator[str]:
-    indices = ", ".join(f"{name} {number:.3g}" for name, number in vars(found.observability[units]).items())
-    yield f"all {len(found.keys)}: {_values(found.all_values[units])}"
-    yield f"the {len(found.kept)} kept: {_values(found.kept_values[units])}"
+def _singular_values(elimination: ParameterElimination, units: Units) -> Iterator[str]:
+    indices = ", ".join(f"{name} {number:.3g}" for name, number in vars(elimination.observability[units]).items())
+    yield f"all {len(elimination.keys)}: {_values(elimination.all_values[units])}"
+    yield f"the {len(elimination.kept)} kept: {_values(elimination.kept_values[units])}"
     yield f"of those: {indices}"
 
 
-def _against_table_4_5(found: ParameterElimination) -> list[str]:
-    if not set(TABLE_4_5) <= set(found.keys):
+def _against_table_4_5(elimination: ParameterElimination) -> list[str]:
+    if not set(TABLE_4_5) <= set(elimination.keys):
         return []
-    more = ", ".join(symbol(key) for key in found.kept if key not in TABLE_4_5)
-    fewer = ", ".join(symbol(key) for key in TABLE_4_5 if key not in found.kept)
+    more = ", ".join(symbol(key) for key in elimination.kept if key not in TABLE_4_5)
+    fewer = ", ".join(symbol(key) for key in TABLE_4_5 if key not in elimination.kept)
     both = [f"beyond the thesis's 28 (Table 4.5): {more}"] if more else []
     both += [f"of its 28 not kept: {fewer}"] if fewer else []
     return ["; ".join(both) or "these are the thesis's 28 (Table 4.5)"]

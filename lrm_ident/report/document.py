@@ -158,7 +158,7 @@ class Document:
     def whole(self) -> list[Block]:
         """The conclusion and the details; a table of these stands for one with its title in the conclusion."""
         longer = {block.title for block in self.details if isinstance(block, ResultTable)}
-        shown = [one for one in self.blocks if not (isinstance(one, ResultTable) and one.title in longer)]
+        shown = [block for block in self.blocks if not (isinstance(block, ResultTable) and block.title in longer)]
         return [*shown, *self.details]
 
     def printed(self, in_full: bool) -> list[Block]:
@@ -230,7 +230,7 @@ def plain(value: Any) -> Any:
 
 def stated(values: Iterable[Any], sentence: Callable[[Any], str]) -> list[dict[str, object]]:
     """Dataclasses as JSON, each with its sentence beside its values."""
-    return [{**plain(one), "sentence": sentence(one)} for one in values]
+    return [{**plain(value), "sentence": sentence(value)} for value in values]
 
 
 def write(console: Console, blocks: Iterable[Block], most: int | None = None) -> None:
@@ -286,8 +286,8 @@ def heading(text: str) -> Text:
 
 def section(title: str, lines: Iterable[str]) -> list[Block]:
     """A heading with indented lines; nothing if there are none."""
-    found = tuple(lines)
-    return [ListSection(title, found)] if found else []
+    section_lines = tuple(lines)
+    return [ListSection(title, section_lines)] if section_lines else []
 
 
 def _cell(value: object, spec: str) -> str:

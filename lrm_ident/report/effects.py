@@ -48,7 +48,7 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
         yield f"    source: {kind.about.source}"
         yield f"    needs: {kind.about.needs or 'nothing special'}"
         arms = map(load_arm, EXAMPLE_ARMS)
-        arm = next((one for one in arms if kind.places(one)), None)
+        arm = next((candidate for candidate in arms if kind.places(candidate)), None)
         if arm is None:
             yield f"    places: none on {' or '.join(EXAMPLE_ARMS)}"
             return
@@ -93,14 +93,16 @@ def _parameter(parameter: Parameter) -> str:
     return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"
 
 
-def field_blocks(found: ModelComparison, field: ResidualField) -> Iterator[Block]:
+def field_blocks(comparison: ModelComparison, field: ResidualField) -> Iterator[Block]:
     """Errors of a model where its residual field speaks and where not; the angles that it was learned at, per joint."""
-    model, title = found.equilibrium.model, f"Where {marked(field.name)} speaks"
-    if found.speaks is None:
+    model, title = comparison.equilibrium.model, f"Where {marked(field.name)} speaks"
+    if comparison.speaks is None:
         yield f"{title}: not known, since the model file has no covariance"
     else:
-        groups = (("the data determine it", found.speaks), ("it says nothing, or little", ~found.speaks))
-        errors = [(words, int(rows.sum()), error_stats(found.residual[rows])) for words, rows in groups if rows.any()]
+        groups = (("the data determine it", comparison.speaks), ("it says nothing, or little", ~comparison.speaks))
+        errors = [
+            (words, int(rows.sum()), error_stats(comparison.residual[rows])) for words, rows in groups if rows.any()
+        ]
         rows = [(words, count, error.mean * 1e3, error.rms * 1e3) for words, count, error in errors]
         yield ResultTable(("where", "poses|", "mean mm|.2f", "RMS mm|.2f"), rows, title)
     ends = zip(model.arm.joints, np.degrees(field.over(model.within).ends).tolist(), strict=True)
@@ -112,7 +114,7 @@ def field_blocks(found: ModelComparison, field: ResidualField) -> Iterator[Block
     yield ResultTable(columns, reach, "It was learned between these angles; beyond, it fades to zero")
 
 
-def field_values(found: ModelComparison, field: ResidualField) -> dict[str, object]:
+def field_values(comparison: ModelComparison, field: ResidualField) -> dict[str, object]:
     """The same for JSON, with the numbers of the poses where it does not speak."""
-    silent = None if found.speaks is None else found.data.pose[~found.speaks].tolist()
+    silent = None if comparison.speaks is None else comparison.data.pose[~comparison.speaks].tolist()
     return {"effect": field.name, "names_a_cause": field.names_a_cause, "does_not_speak_at": silent}

@@ -58,7 +58,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
     columns = ["error of the tip, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max"))]
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
-    known = [turn for turn in turns if turn is not None]
+    turns_measured = [turn for turn in turns if turn is not None]
     rows: list[tuple[object, ...]] = [(name, *stats_in_mm(error)[:3]) for name, error in stats]
     unseen = {name for name, _ in stats[2:] if errors.held_out.residual is not None}
     if unseen:
@@ -67,8 +67,8 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
             (*row, between_words(error) if name in unseen else "")
             for row, (name, error) in zip(rows, stats, strict=True)
         ]
-    if known:
-        columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
+    if turns_measured:
+        columns.append(f"orientation RMS, deg|.{decimals(*turns_measured)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
     deployed = errors.held_out.deployed
@@ -85,9 +85,9 @@ def error_values(errors: ErrorSummary) -> dict[str, object]:
     return {**values, "as_deployed": errors.held_out.deployed, **reason, **nameless}
 
 
-def differ(one: ErrorStats, other: ErrorStats) -> bool:
+def differ(first: ErrorStats, other: ErrorStats) -> bool:
     """Whether two errors differ as they are printed."""
-    return any(in_mm(a * 1e-3) != in_mm(b * 1e-3) for a, b in zip(stats_in_mm(one), stats_in_mm(other), strict=True))
+    return any(in_mm(a * 1e-3) != in_mm(b * 1e-3) for a, b in zip(stats_in_mm(first), stats_in_mm(other), strict=True))
 
 
 def deployed_rows(deployed: DeployedError | None, held_out: ErrorStats | None) -> list[tuple[str, ErrorStats]]:
@@ -120,7 +120,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
         *error_blocks(errors, f"{poses_count(len(data))}, {len(model.free)} parameters{how and '; ' + how}"),
-        *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
+        *section(IMPLAUSIBLE, (estimate.sentence for estimate in implausible_of(fit))),
         *_unlike_the_drawing(fit),
         *_outlier_words(outliers),
         *_without_outliers(fit, data),
@@ -147,7 +147,10 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         "steps": fit.steps,
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
-        "implausible": [{"parameter": one.key, "value": one.value, "unit": one.unit} for one in implausible_of(fit)],
+        "implausible": [
+            {"parameter": estimate.key, "value": estimate.value, "unit": estimate.unit}
+            for estimate in implausible_of(fit)
+        ],
         "far_from_arm_file": unusual_dimensions(fit),
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
@@ -168,7 +171,7 @@ def _unlike_the_drawing(fit: Fit) -> Iterator[str]:
 def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
     """The outliers in one line."""
     if outliers:
-        far = sorted(outliers, key=lambda one: -one[1])
+        far = sorted(outliers, key=lambda outlier: -outlier[1])
         shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
         yield (
             f"Outliers: {poses_count(len(far))}, numbers {shown}. Measured wrongly, or the effect that the model lacks "
@@ -203,40 +206,40 @@ def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
     return [f"If they are wrong, fit again without them: add --leave-out {numbers}. To weigh them less: --loss huber"]
 
 
-def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Document:
+def comparison_document(comparison: ModelComparison, files: Sequence[str] = ()) -> Document:
     """Result of `lrm-ident compare`, schema `lrm/comparison/1`. `files`: model and data, for the next command."""
-    data = found.data
-    free = len(found.equilibrium.model.free)
-    errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
-    field = field_of(found.equilibrium.model)
-    box = found.predictable
+    data = comparison.data
+    free = len(comparison.equilibrium.model.free)
+    errors = ErrorSummary(comparison.nominal, comparison.error, comparison.held_out, comparison.predictable)
+    field = field_of(comparison.equilibrium.model)
+    box = comparison.predictable
     said = "" if box is None else predictable_sentence(box)
     black_box = [f"{said[0].upper()}{said[1:]}"] if said else []
-    held_out = None if found.held_out.error is None else found.held_out.error.rms
+    held_out = None if comparison.held_out.error is None else comparison.held_out.error.rms
     unseen = "" if held_out is None else f", {in_mm(held_out)} mm {wording.UNSEEN}"
     title = f"{poses_count(len(data))}, {free} parameters"
     blocks = [
-        heading(f"{title}: RMS error {in_mm(found.error.rms)} mm{unseen}."),
-        *_beside_noise(noise_floor(data, found.equilibrium), held_out),
-        *_depends_on(found.factors),
+        heading(f"{title}: RMS error {in_mm(comparison.error.rms)} mm{unseen}."),
+        *_beside_noise(noise_floor(data, comparison.equilibrium), held_out),
+        *_depends_on(comparison.factors),
         *error_blocks(errors, ""),
-        *(() if field is None else field_blocks(found, field)),
-        *([said] if (said := _outside(found)) else []),
-        _factor_table(found.factors[:FACTORS_SHOWN]),
+        *(() if field is None else field_blocks(comparison, field)),
+        *([said] if (said := _outside(comparison)) else []),
+        _factor_table(comparison.factors[:FACTORS_SHOWN]),
         *diagnose_next(files),
     ]
     details: list[Block] = [
         *black_box,
-        *(_group_table(factor) for factor in found.factors[:2]),
-        _factor_table(found.factors),
-        _worst_table(found),
+        *(_group_table(factor) for factor in comparison.factors[:2]),
+        _factor_table(comparison.factors),
+        _worst_table(comparison),
     ]
     values = {
         "poses": len(data),
         "parameters": free,
-        "outside_range": [data.pose[row] for row in _rows_outside(found)],
+        "outside_range": [data.pose[row] for row in _rows_outside(comparison)],
         "error": error_values(errors),
-        **({} if field is None else {"field": field_values(found, field)}),
+        **({} if field is None else {"field": field_values(comparison, field)}),
         "factors": [
             {
                 "kind": f.variable.kind,
@@ -244,17 +247,17 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
                 "share": f.share,
                 "groups": list(map(_group, f.groups)),
             }
-            for f in found.factors
+            for f in comparison.factors
         ],
         "worst_poses": [
             {
                 "pose": data.pose[row],
                 "q_deg": np.round(np.degrees(data.poses.q[row]), 6),
                 "payload_g": data.poses.payload[row] * 1e3,
-                "error_mm": np.linalg.norm(found.residual[row]) * 1e3,
-                "residual_mm": found.residual[row] * 1e3,
+                "error_mm": np.linalg.norm(comparison.residual[row]) * 1e3,
+                "residual_mm": comparison.residual[row] * 1e3,
             }
-            for row in found.worst
+            for row in comparison.worst
         ],
     }
     about = "groups of poses, all factors, the worst poses"
@@ -275,29 +278,29 @@ def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
         yield f"The error depends most on the {variable_name(factors[0].variable)} ({share} % of the squared error)."
 
 
-def _rows_outside(found: ModelComparison) -> list[int]:
+def _rows_outside(comparison: ModelComparison) -> list[int]:
     """Rows of poses outside the range that the model was fitted on."""
-    within = found.equilibrium.model.within
-    return [] if within is None else np.flatnonzero(within.outside(found.data.poses.q).any(axis=1)).tolist()
+    within = comparison.equilibrium.model.within
+    return [] if within is None else np.flatnonzero(within.outside(comparison.data.poses.q).any(axis=1)).tolist()
 
 
-def _outside(found: ModelComparison) -> str:
+def _outside(comparison: ModelComparison) -> str:
     """Number of poses outside that range, and the error there and within; empty if none does."""
-    within, rows = found.equilibrium.model.within, _rows_outside(found)
+    within, rows = comparison.equilibrium.model.within, _rows_outside(comparison)
     if within is None or not rows:
         return ""
-    there, rest = error_stats(found.residual[rows]), np.delete(found.residual, rows, axis=0)
+    there, rest = error_stats(comparison.residual[rows]), np.delete(comparison.residual, rows, axis=0)
     inside = f", {in_mm(error_stats(rest).rms)} mm within" if len(rest) else ""
     error = f"Error of the model as it is: RMS {in_mm(there.rms)} mm there{inside}"
-    return f"{within.sentence(found.data.poses.q)}. {error}"
+    return f"{within.sentence(comparison.data.poses.q)}. {error}"
 
 
-def _worst_table(found: ModelComparison) -> ResultTable:
-    data, residual, places = found.data, found.residual * 1e3, decimals(found.error.rms * 1e3)
+def _worst_table(comparison: ModelComparison) -> ResultTable:
+    data, residual, places = comparison.data, comparison.residual * 1e3, decimals(comparison.error.rms * 1e3)
     q, load = np.degrees(data.poses.q), data.poses.payload * 1e3
     angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
     rows = []
-    for i in found.worst:
+    for i in comparison.worst:
         turned = " ".join(f"{angle:4.0f}" for angle in q[i])
         rows.append((data.pose[i], turned, load[i], np.linalg.norm(residual[i]), _vector(residual[i], places)))
     columns = ("pose|", angles + "|", "load g|.1f", f"error mm|.{places}f", "residual mm|")
@@ -306,9 +309,11 @@ def _worst_table(found: ModelComparison) -> ResultTable:
 
 def parameter_table(fit: Fit) -> ResultTable:
     """Estimates with standard errors, and how much of them the data told; angles in degrees."""
-    known = parameter_estimates(fit)
-    told = {key: one.from_data for key, one in known.items() if one.from_data is not None}
-    return estimate_table(fit.model, {key: one.standard_error for key, one in known.items()}, told, fit.equilibrium)
+    by_key = parameter_estimates(fit)
+    told = {key: estimate.from_data for key, estimate in by_key.items() if estimate.from_data is not None}
+    return estimate_table(
+        fit.model, {key: estimate.standard_error for key, estimate in by_key.items()}, told, fit.equilibrium
+    )
 
 
 def estimate_table(
@@ -342,7 +347,9 @@ def estimate_table(
 def _turned(model: Model, rest: Equilibrium) -> dict[str, str]:
     """Turn of every free compliance under the usual load, by its key."""
     every = [(effect, usual_turns(effect, rest)) for effect in model.effects]
-    keys = {key: turns.get(p.name) for one, turns in every for key, p in zip(one.keys, one.parameters, strict=True)}
+    keys = {
+        key: turns.get(p.name) for effect, turns in every for key, p in zip(effect.keys, effect.parameters, strict=True)
+    }
     return {
         key: f"{np.degrees(turn * model.value(key)):.2g}°"
         for key, turn in keys.items()
@@ -354,12 +361,12 @@ def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object
     """Value and standard error of each free parameter for JSON, in the units of the keys."""
     return {
         key: {
-            "value": one.value,
-            "se": se_at_bound if one.standard_error is None else one.standard_error,
-            "at_bound": one.standard_error is None,
-            "told_by_data": one.from_data,
+            "value": estimate.value,
+            "se": se_at_bound if estimate.standard_error is None else estimate.standard_error,
+            "at_bound": estimate.standard_error is None,
+            "told_by_data": estimate.from_data,
         }
-        for key, one in parameter_estimates(fit).items()
+        for key, estimate in parameter_estimates(fit).items()
     }
 
 

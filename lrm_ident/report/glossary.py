@@ -27,8 +27,8 @@ class Term:
 
 
 TERMS = tuple(
-    Term(one["name"], one["meaning"], tuple(filter(None, (one["others"] or "").split(", "))))
-    for one in ENTRY.finditer(SOURCE.read_text(encoding="utf-8"))
+    Term(entry["name"], entry["meaning"], tuple(filter(None, (entry["others"] or "").split(", "))))
+    for entry in ENTRY.finditer(SOURCE.read_text(encoding="utf-8"))
 )
 """In the order of the alphabet."""
 ON_PAGE = (

@@ -87,23 +87,23 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
 
 def provenance_table(file: ModelFile) -> ResultTable:
     """Provenance of a model: data, tool, date, how it was fitted."""
-    known = file.provenance
+    provenance = file.provenance
     said: dict[str, object] = {"arm": file.arm, "effects": ", ".join(map(marked, file.effects))}
-    if known is not None:
-        reading = {} if known.reading is None else known.reading.said()
+    if provenance is not None:
+        reading = {} if provenance.reading is None else provenance.reading.said()
         said |= {
-            "data": known.data,
-            "SHA-256 of the data": known.data_sha256,
-            "SHA-256 of the arm": known.arm_sha256,
-            "poses fitted": str(known.poses),
-            "loss": known.loss,
-            "tool": known.tool,
-            "date": known.date,
-            "prior": known.prior,
-            "poses left out": enumerate_words(list(map(str, known.left_out)), POSES_SHOWN) or None,
+            "data": provenance.data,
+            "SHA-256 of the data": provenance.data_sha256,
+            "SHA-256 of the arm": provenance.arm_sha256,
+            "poses fitted": str(provenance.poses),
+            "loss": provenance.loss,
+            "tool": provenance.tool,
+            "date": provenance.date,
+            "prior": provenance.prior,
+            "poses left out": enumerate_words(list(map(str, provenance.left_out)), POSES_SHOWN) or None,
             **{f"read with {name}": str(value) for name, value in reading.items()},
-            "effects file": known.effects_file,
-            "its SHA-256": known.effects_sha256,
+            "effects file": provenance.effects_file,
+            "its SHA-256": provenance.effects_sha256,
         }
     rows = [(what, value) for what, value in said.items() if value is not None]
     return ResultTable(("what", "value"), rows, "Where the model comes from")
@@ -152,16 +152,20 @@ class ModelReport:
         """
         if self.conclusion is None:
             return ()
-        again, known = self._story({}), self.file.provenance
-        other = [] if known is None or known.prior in (None, TYPICAL) else [("prior", prior_words(str(known.prior)))]
+        again, provenance = self._story({}), self.file.provenance
+        other = (
+            []
+            if provenance is None or provenance.prior in (None, TYPICAL)
+            else [("prior", prior_words(str(provenance.prior)))]
+        )
         lack = [(LACKS, "; ".join(self.conclusion.reasons))] if self.conclusion.reasons else []
         return (*self.conclusion.facts, *other, *(() if again is None else again.certainty), *lack)
 
     @property
     def floor_mm(self) -> float | None:
         """RMS of the noise floor, where a diagnosis knows one."""
-        known = None if self.diagnosis is None else self.diagnosis.values["noise_floor_rms_mm"]
-        return known if isinstance(known, float) else None
+        floor = None if self.diagnosis is None else self.diagnosis.values["noise_floor_rms_mm"]
+        return floor if isinstance(floor, float) else None
 
     @property
     def attributions(self) -> tuple[StepAttribution | None, ...]:
@@ -169,12 +173,15 @@ class ModelReport:
 
         None of a step that added nothing.
         """
-        floor, story, known = self.floor_mm or 0.0, self._story({}), [card.evidence for card in self.cards]
+        floor, story, evidence = self.floor_mm or 0.0, self._story({}), [card.evidence for card in self.cards]
         if self.diagnosis is None or story is None or not story.held_out:
-            return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if one.describes else None for one in known)
+            return tuple(
+                StepAttribution(Support.DESCRIPTION, 0.0) if evidence_of_step.describes else None
+                for evidence_of_step in evidence
+            )
         adding = [(card, fall) for card, fall in zip(self.cards, story.later, strict=True) if card.adds]
         misspecified = cast(tuple[str, ...], self.diagnosis.values["misspecified"])
-        known = [
+        evidence = [
             replace(
                 card.evidence,
                 describes=card.evidence.describes or takes_little(fall.rms_mm, fall.before_rms_mm, floor),
@@ -182,7 +189,9 @@ class ModelReport:
             )
             for card, fall in adding
         ]
-        steps = [(fall.explained, one) for (_, fall), one in zip(adding, known, strict=True)]
+        steps = [
+            (fall.explained, evidence_of_step) for (_, fall), evidence_of_step in zip(adding, evidence, strict=True)
+        ]
         shown = iter(attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))))
         return tuple(next(shown) if card.adds else None for card in self.cards)
 
@@ -191,15 +200,21 @@ class ModelReport:
         """How the error fell on these data; None of a model without a history."""
         shown = zip(self.cards, self.attributions, strict=True)
         return self._story(
-            {card.number: term_of(one.kind, card.evidence.equivalent) for card, one in shown if one is not None}
+            {
+                card.number: term_of(attribution.kind, card.evidence.equivalent)
+                for card, attribution in shown
+                if attribution is not None
+            }
         )
 
     def _story(self, kinds: Mapping[int, Kind]) -> Story | None:
         """The story with what steps are by their number."""
         if not self.file.history:
             return None
-        held = [one.held_out_rms_mm if of_data(one, self.poses.source.sha256) else None for one in self.file.history]
-        here = [one.error.rms * 1e3 for one in self.field.steps]
+        held = [
+            entry.held_out_rms_mm if of_data(entry, self.poses.source.sha256) else None for entry in self.file.history
+        ]
+        here = [field_step.error.rms * 1e3 for field_step in self.field.steps]
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
         return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
@@ -221,13 +236,13 @@ class ModelReport:
 def models_of_steps(study: Study) -> list[tuple[str, Model]]:
     """The model after each step of a study's history, by its name. Raises `FileError`."""
     steps, arm = models_of_history(study.file), study.model.arm
-    return [(name, to_model(study.data.source.path, one, arm, study.catalogue)) for name, one in steps]
+    return [(name, to_model(study.data.source.path, step_model, arm, study.catalogue)) for name, step_model in steps]
 
 
 def models_on_data(study: Study) -> list[tuple[str, Model]]:
     """The same, each as far as it applies to the study's data (`model_for_data`)."""
     path, sha256 = study.data.source.path, study.data.source.sha256
-    return [(name, model_for_data(one, path, sha256)[0]) for name, one in models_of_steps(study)]
+    return [(name, model_for_data(step_model, path, sha256)[0]) for name, step_model in models_of_steps(study)]
 
 
 def quick_report(study: Study) -> ModelReport:
@@ -236,42 +251,47 @@ def quick_report(study: Study) -> ModelReport:
     models = models_of_steps(study)
     arrows = error_field(data, models_on_data(study))
     rest = solve_equilibrium(model, data.poses)
-    known = (*covariates(data, rest.joint_torque), *local_covariates(rest))
-    drawn = tuple(one.take(arrows.rows) for one in known)
+    covariates_known = (*covariates(data, rest.joint_torque), *local_covariates(rest))
+    drawn = tuple(covariate.take(arrows.rows) for covariate in covariates_known)
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),
         field=arrows,
         covariates=drawn,
         parameters=estimate_table(models[-1][1], file.sigma, rest=rest),
-        cards=tuple(step_cards(file, [one for _, one in models], arrows, drawn, rest)),
+        cards=tuple(step_cards(file, [step_model for _, step_model in models], arrows, drawn, rest)),
     )
 
 
-def after_step(found: ModelReport, before: ModelReport) -> ModelReport:
+def after_step(report: ModelReport, before: ModelReport) -> ModelReport:
     """A report of a model after a step from another, whose verdict is kept beside the step."""
-    return replace(found, judged={**(before.judged or {}), len(before.file.history) - 1: before.verdict})
+    return replace(report, judged={**(before.judged or {}), len(before.file.history) - 1: before.verdict})
 
 
-def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:
+def with_comparison(report: ModelReport, compared: ModelComparison) -> ModelReport:
     """Adds the result of `compare`."""
     worst = tuple(int(compared.data.pose[row]) for row in compared.worst)
-    marked = {**(found.marked or {}), "worst": worst}
-    return replace(found, comparison=comparison_document(compared), marked=marked)
+    marked = {**(report.marked or {}), "worst": worst}
+    return replace(report, comparison=comparison_document(compared), marked=marked)
 
 
-def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> ModelReport:
+def with_diagnosis(
+    model_report: ModelReport, report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES
+) -> ModelReport:
     """Adds the result of `diagnose`. `names`: of the files in the commands to copy."""
     diagnosis = report.diagnosis
     fitted, data = diagnosis.screening.subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
-    rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
-    known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
-    views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
+    rows = np.array([row_of.get(number, -1) for number in model_report.poses.pose.tolist()])
+    covariates_known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
+    views = tuple(
+        candidate_view(candidate, diagnosis, covariates_known, rows) for candidate in report.ranking[:CANDIDATES]
+    )
     numbers = diagnosis.data.pose
     regimes = {
-        f"regime {where(one)}": tuple(report.patterns.pose[one.rows].tolist()) for one in report.patterns.regimes
+        f"regime {where(regime)}": tuple(report.patterns.pose[regime.rows].tolist())
+        for regime in report.patterns.regimes
     }
     far = tuple(int(numbers[row]) for row in report.far_rows)
-    marked = {**(found.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
-    return replace(found, diagnosis=diagnosis_document(report, names), candidates=views, marked=marked)
+    marked = {**(model_report.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
+    return replace(model_report, diagnosis=diagnosis_document(report, names), candidates=views, marked=marked)

@@ -32,10 +32,10 @@ class PriorComparison:
     def as_json(self) -> dict[str, object]:
         """The table `prior` of `lrm/fit/1`, in the units of the keys."""
         parameters: dict[str, object] = {}
-        for key, one in parameter_estimates(self.fit).items():
+        for key, estimate in parameter_estimates(self.fit).items():
             unit = self.fit.model.parameter(key).si
             mean, sd = self._mean_sd(key, 1.0 / unit)
-            parameters[key] = {"mean": mean, "sd": sd, "told_by_data": one.from_data}
+            parameters[key] = {"mean": mean, "sd": sd, "told_by_data": estimate.from_data}
         default: dict[str, object] = {"reason": self.default}
         if not isinstance(self.default, str):
             fitted, free = error_stats(self.default.residual), len(self.default.model.free)
@@ -66,11 +66,11 @@ class PriorComparison:
 
     def _parameters(self) -> ResultTable:
         rows = []
-        for key, one in parameter_estimates(self.fit).items():
+        for key, estimate in parameter_estimates(self.fit).items():
             name, scale, unit = screen_unit(self.fit.model, key)
             mean, sd = self._mean_sd(key, scale)
             prior = "none" if mean is None or sd is None else quantity(mean, sd)
-            from_data = None if one.from_data is None else f"{in_percent(one.from_data)} %"
+            from_data = None if estimate.from_data is None else f"{in_percent(estimate.from_data)} %"
             estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.default, key, scale)
             rows.append((name, prior, *estimates, unit))
         columns = ("parameter", "prior|", "with prior|", "from data|", "typical sizes|", "unit")
@@ -81,8 +81,8 @@ class PriorComparison:
         both = ("with prior", self.fit, self.held_out), ("typical sizes", self.default, self.default_held_out)
         for name, fit, held_out in both:
             if not isinstance(fit, str):
-                left = ("none", "none") if held_out.error is None else stats_in_mm(held_out.error)[:2]
-                rows.append((name, len(fit.model.free), *stats_in_mm(error_stats(fit.residual))[:2], *left))
+                held_out_cells = ("none", "none") if held_out.error is None else stats_in_mm(held_out.error)[:2]
+                rows.append((name, len(fit.model.free), *stats_in_mm(error_stats(fit.residual))[:2], *held_out_cells))
         columns = ("", "parameters|", "fit mean|.2f", "fit RMS|.2f", "held-out mean|.2f", "held-out RMS|.2f")
         return ResultTable(columns, rows, "TCP error, mm")
 

@@ -54,7 +54,7 @@ class StepCard:
         """Whether no other effect alone would have left about as little as was left `after` the step (mm, held out)."""
         if self.evidence.rivals is None or self.evidence.equivalent:
             return False
-        return all(left * 1e3 > (1.0 + AS_WELL) * after for left in self.evidence.rivals.values())
+        return all(rival_error * 1e3 > (1.0 + AS_WELL) * after for rival_error in self.evidence.rivals.values())
 
 
 def rivals(card: StepCard, weighted: bool) -> tuple[tuple[str, str], ...]:
@@ -63,11 +63,11 @@ def rivals(card: StepCard, weighted: bool) -> tuple[tuple[str, str], ...]:
     Those that are indistinguishable come first; ≈: not refitted. `weighted`: more than positions was measured, so that
     the screening's estimates, of all that was measured, are no errors of the tip.
     """
-    known, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
+    rivals_left, free = card.evidence.rivals or {}, {kind.id for kind in FREE_FORMS}
     why = dict.fromkeys(card.evidence.equivalent, "these poses cannot distinguish it")
-    for name, left in known.items():
+    for name, rival_error in rivals_left.items():
         exact = name in card.evidence.refitted
-        size = f"{'' if exact else '≈ '}{in_mm(left)} mm" if exact or not weighted else "not refitted"
+        size = f"{'' if exact else '≈ '}{in_mm(rival_error)} mm" if exact or not weighted else "not refitted"
         why[name] = f"{size}{', with more parameters' if EffectRef.parse(name).id in free else ''}"
     return tuple((name, words) for name, words in why.items() if name != card.name)[:RIVALS_KEPT]
 
@@ -78,16 +78,20 @@ def of_data(entry: HistoryTable, sha256: str) -> bool:
 
 
 def step_cards(
-    file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate], rest: Equilibrium
+    file: ModelFile,
+    models: Sequence[Model],
+    field: ErrorField,
+    covariates_known: Sequence[Covariate],
+    rest: Equilibrium,
 ) -> Iterator[StepCard]:
-    """A card for every step after the first. `known`: covariates at the drawn poses. `rest`: of the model, at all."""
-    constant = [one for one in known if one.kind not in LOCAL]
+    """A card for every step after the first. `covariates_known`: at the drawn poses. `rest`: of the model, at all."""
+    constant = [covariate for covariate in covariates_known if covariate.kind not in LOCAL]
     effects = [{effect.name: effect for effect in model.effects} for model in models]
     for number, entry in enumerate(file.history[1:], start=1):
         added = [effect for name, effect in effects[number].items() if name not in effects[number - 1]]
         numbers = {name: words for effect in added for name, words in _estimates(effect, entry, {}).items()}
         free = sum(key in entry.sigma for effect in added for key in effect.keys)
-        followed = of_law(added[0], known) if added else constant
+        followed = of_law(added[0], covariates_known) if added else constant
         turns = usual_turns(added[0], rest) if len(added) == 1 else {}
         plain = _estimates(added[0], entry, turns) if len(added) == 1 else {}
         joint, driver = _shown(added[0].place if added else "", field, number, followed)
@@ -98,7 +102,7 @@ def step_cards(
             adds=bool(entry.name.added),
             claim=_claim(added, plain, turns) or _left_out(entry, file.history[number - 1]),
             estimate=_size(added[0], plain) + turned(bool(turns)) if free == 1 and plain else "",
-            estimates=tuple(f"{one.symbol} = {words}" for one, words in numbers.items()),
+            estimates=tuple(f"{estimate.symbol} = {words}" for estimate, words in numbers.items()),
             joint=joint,
             driver=driver,
             evidence=Evidence(
@@ -111,15 +115,16 @@ def step_cards(
         )
 
 
-def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate]) -> tuple[int, str]:
+def _shown(place: str, field: ErrorField, number: int, covariates_known: Sequence[Covariate]) -> tuple[int, str]:
     """The joint and the driver whose chart shows most of what a step took away; of an effect at a joint, that joint."""
     joints = joints_of(place, len(field.lever))
     before, after = field.steps[number - 1].turns, field.steps[number].turns
     taken = [
-        explained_by_means(before, field.lever, one.values) - explained_by_means(after, field.lever, one.values)
-        for one in known
+        explained_by_means(before, field.lever, covariate.values)
+        - explained_by_means(after, field.lever, covariate.values)
+        for covariate in covariates_known
     ]
-    joint, driver = shown_most(taken, known, joints)
+    joint, driver = shown_most(taken, covariates_known, joints)
     return joint, variable_name(driver) if driver else ""
 
 
@@ -149,8 +154,10 @@ def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str], turns: Map
 
 def _left_out(entry: HistoryTable, before: HistoryTable) -> str:
     """The poses that a step took for outliers, and what to do about them; empty where it left none out."""
-    known = set() if before.provenance is None else {*before.provenance.left_out}
-    poses = [] if entry.provenance is None else [one for one in entry.provenance.left_out if one not in known]
+    left_out_before = set() if before.provenance is None else {*before.provenance.left_out}
+    poses = (
+        [] if entry.provenance is None else [pose for pose in entry.provenance.left_out if pose not in left_out_before]
+    )
     return _capital(outliers_left_out(poses)) if poses else ""
 
 

@@ -92,12 +92,12 @@ class Story:
     @property
     def sentence(self) -> str:
         """The whole course in one line."""
-        added = [one for one in self.steps if one.kind not in WITHOUT_EFFECT]
+        added = [step for step in self.steps if step.kind not in WITHOUT_EFFECT]
         start = self.steps[: self.steps.index(added[0])] if added else self.steps
-        left = [f"{one.title} {in_mm(one.rms_mm * MM)}" for one in start]
+        errors = [f"{step.title} {in_mm(step.rms_mm * MM)}" for step in start]
         if added:
-            left.append(f"{_counted(added)} {in_mm(self.steps[-1].rms_mm * MM)}")
-        return f"{' → '.join(left)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
+            errors.append(f"{_counted(added)} {in_mm(self.steps[-1].rms_mm * MM)}")
+        return f"{' → '.join(errors)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
     def _between(self) -> str:
@@ -118,8 +118,8 @@ class Story:
             NOISE: "",
             NOISE_AT_MOST: " at most",
         }
-        known = (*self.ends, *([self.noise] if self.noise else []))
-        return tuple((label.partition(",")[0], f"{in_mm(value * MM)} mm RMS{after[label]}") for label, value in known)
+        lines = (*self.ends, *([self.noise] if self.noise else []))
+        return tuple((label.partition(",")[0], f"{in_mm(value * MM)} mm RMS{after[label]}") for label, value in lines)
 
     @property
     def ends(self) -> tuple[tuple[str, float], ...]:
@@ -131,13 +131,13 @@ class Story:
     @property
     def noise(self) -> tuple[str, float] | None:
         """Noise of the measurement (mm), or what it is at most, where one of them is known."""
-        known = (NOISE, self.noise_rms_mm), (NOISE_AT_MOST, self.noise_bound_rms_mm)
-        return next(((label, mm) for label, mm in known if mm), None)
+        noise_terms = (NOISE, self.noise_rms_mm), (NOISE_AT_MOST, self.noise_bound_rms_mm)
+        return next(((label, mm) for label, mm in noise_terms if mm), None)
 
     @property
     def longest(self) -> float:
         """Error (mm) of the longest bar of a waterfall, which ends a longer one."""
-        nominal, *later = (one.rms_mm for one in self.steps)
+        nominal, *later = (step.rms_mm for step in self.steps)
         most = max((*later, *(mm for _, mm in self.ends)), default=0.0)
         return ROOM * most if most and nominal > TORN * most else max(nominal, most)
 
@@ -148,18 +148,18 @@ class Story:
 
     def table(self) -> ResultTable:
         """The steps, the error of the fit with the longest bar: beside that of the nominal arm the others are dots."""
-        most = max((one.rms_mm for one in self.steps[1:] or self.steps), default=1.0)
+        most = max((step.rms_mm for step in self.steps[1:] or self.steps), default=1.0)
         rows = [
             (
-                one.title,
-                "" if one.kind in (*WITHOUT_EFFECT, "effect") else one.kind,
-                in_mm(one.rms_mm * MM),
+                step.title,
+                "" if step.kind in (*WITHOUT_EFFECT, "effect") else step.kind,
+                in_mm(step.rms_mm * MM),
                 None
-                if one.deployed_rms_mm is None
-                else f"{in_mm(one.deployed_rms_mm * MM)}{at_poses(one.deployed_poses)}",
-                BAR * round(BAR_WIDTH * one.rms_mm / most) if number else "",
+                if step.deployed_rms_mm is None
+                else f"{in_mm(step.deployed_rms_mm * MM)}{at_poses(step.deployed_poses)}",
+                BAR * round(BAR_WIDTH * step.rms_mm / most) if number else "",
             )
-            for number, (one, on_arm) in enumerate((one, one.deployed_rms_mm) for one in self.steps)
+            for number, (step, on_arm) in enumerate((step, step.deployed_rms_mm) for step in self.steps)
         ]
         error = "held-out RMS, mm|" if self.held_out else "RMS, mm|"
         return ResultTable(("step", "what it is", error, "as deployed|", ""), rows, "How the error fell")
@@ -173,9 +173,9 @@ def story_of_file(file: ModelFile) -> Story | None:
     """The story that a model file tells of its own data; None where it has no history, or no nominal error."""
     if not file.history or file.history[0].nominal_rms_mm is None:
         return None
-    hashes = {None if one.provenance is None else one.provenance.data_sha256 for one in file.history}
-    held = [one.held_out_rms_mm if len(hashes) == 1 else None for one in file.history]
-    return story_of(file.history, held, [one.fit_rms_mm for one in file.history], file.history[0].nominal_rms_mm)
+    hashes = {None if entry.provenance is None else entry.provenance.data_sha256 for entry in file.history}
+    held = [entry.held_out_rms_mm if len(hashes) == 1 else None for entry in file.history]
+    return story_of(file.history, held, [entry.fit_rms_mm for entry in file.history], file.history[0].nominal_rms_mm)
 
 
 def story_of(
@@ -195,17 +195,17 @@ def story_of(
         shows: what steps are by their number, where a diagnosis says it; else as the file says.
     """
     course = history[-1].course or CourseTable()
-    known, held = dict(shows or {}), [one for one in held_out_mm if one is not None]
+    figures_shown, held = dict(shows or {}), [error for error in held_out_mm if error is not None]
     held_out = len(held) == len(history)
     steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
-    for number, (entry, left) in enumerate(zip(history, held if held_out else here_mm, strict=True)):
-        kind: Kind = known.get(number) or course.shows.get(entry.name.added) or "effect"
+    for number, (entry, error_of_step) in enumerate(zip(history, held if held_out else here_mm, strict=True)):
+        kind: Kind = figures_shown.get(number) or course.shows.get(entry.name.added) or "effect"
         title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
         made = kind if number and entry.name.added else "fit"
         poses = None if deployed is None else entry.deployed_poses
         between = None if deployed is None else entry.deployed_95_mm
-        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, left, deployed, poses, between))
+        steps.append(StoryStep(title, made, number, steps[-1].rms_mm, error_of_step, deployed, poses, between))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
     nested = course.nested_rms_mm, course.nested_deployed_rms_mm
     names = [entry.name.added for entry in history if entry.name.added]
@@ -219,15 +219,15 @@ def at_poses(count: int | None) -> str:
     return "" if count is None else f" at {count} poses"
 
 
-def _alike(one: float | None, other: float | None) -> bool:
+def _alike(first: float | None, other: float | None) -> bool:
     """Whether two errors (mm) are the same as they are printed: then one of them is enough."""
-    return one is not None and other is not None and in_mm(one * MM) == in_mm(other * MM)
+    return first is not None and other is not None and in_mm(first * MM) == in_mm(other * MM)
 
 
 def _counted(steps: Sequence[StoryStep]) -> str:
     """Steps by what they are, `with 1 identified cause and 2 empirical terms:`; one identified cause by its name."""
-    if [one.kind for one in steps] == ["identified cause"]:
+    if [step.kind for step in steps] == ["identified cause"]:
         return f"with {steps[0].title}:"
-    counts = Counter(one.kind for one in steps)
+    counts = Counter(step.kind for step in steps)
     *words, last = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()]
     return f"with {', '.join(words)}{' and ' if words else ''}{last}:"

@@ -42,9 +42,9 @@ def summary_document(file: ModelFile, model: Model) -> Document:
 
 
 def _facts(file: ModelFile, story: Story | None) -> Iterator[tuple[str, str]]:
-    known = file.provenance
-    if known is not None:
-        yield "fitted to", f"{known.poses} poses of {known.data}, {known.date[:10]}"
+    provenance = file.provenance
+    if provenance is not None:
+        yield "fitted to", f"{provenance.poses} poses of {provenance.data}, {provenance.date[:10]}"
     if not file.history:
         return
     if story is not None:

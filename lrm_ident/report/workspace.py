@@ -39,16 +39,16 @@ class VariantComparison:
     @property
     def goals(self) -> int:
         """Target poses of all maps."""
-        return sum(found.goals for found in self.maps)
+        return sum(capability.goals for capability in self.maps)
 
     @property
     def goals_per_second(self) -> float:
         """Target poses in a second, most of them out of reach."""
         return self.goals / self.seconds
 
-    def criterion(self, found: CapabilityMap) -> float:
+    def criterion(self, capability: CapabilityMap) -> float:
         """The criterion that ranks maps: the mean index over all areas, or the volume (m³) where no area is given."""
-        return found.score(self.areas) if self.areas else found.volume
+        return capability.score(self.areas) if self.areas else capability.volume
 
     @property
     def ranked(self) -> list[tuple[ArmVariant, CapabilityMap]]:
@@ -57,56 +57,57 @@ class VariantComparison:
         return sorted(pairs, key=lambda pair: self.criterion(pair[1]), reverse=True)
 
 
-def reach_document(found: VariantComparison) -> Document:
+def reach_document(comparison: VariantComparison) -> Document:
     """Result of `lrm-ident reach`, schema `lrm/reach/1`: the variants, best first, and the speed of the solver."""
-    grid, pairs = found.maps[0].grid, list(zip(found.variants, found.maps, strict=True))
-    clear = "clear of collisions" if found.collisions else "collisions not looked at"
-    total = found.areas if len(found.areas) > 1 else ()
-    columns = ["variant", "volume L|.1f", "index %|.2f", *(f"{area.name} %|.2f" for area in found.areas)]
+    grid, pairs = comparison.maps[0].grid, list(zip(comparison.variants, comparison.maps, strict=True))
+    clear = "clear of collisions" if comparison.collisions else "collisions not looked at"
+    total = comparison.areas if len(comparison.areas) > 1 else ()
+    columns = ["variant", "volume L|.1f", "index %|.2f", *(f"{area.name} %|.2f" for area in comparison.areas)]
     rows = []
-    for variant, capability in found.ranked:
-        shares = [capability.everywhere.index, *(capability.within(area).index for area in found.areas)]
+    for variant, capability in comparison.ranked:
+        shares = [capability.everywhere.index, *(capability.within(area).index for area in comparison.areas)]
         shares += [capability.score(total)] if total else []
         rows.append((variant.name, capability.volume * 1e3, *(100 * share for share in shares)))
     blocks: list[Block] = [
-        heading(f"{len(grid)} cells of {grid.step * 1e3:g} mm, {found.orientations} orientations each, {clear}"),
+        heading(f"{len(grid)} cells of {grid.step * 1e3:g} mm, {comparison.orientations} orientations each, {clear}"),
         ResultTable([*columns, "all areas %|.2f"] if total else columns, rows),
         Text(INDEX_MEANING, style="dim"),
-        f"{found.goals:,} goals in {found.seconds:.1f} s: {found.goals_per_second:,.0f} goals/s",
+        f"{comparison.goals:,} goals in {comparison.seconds:.1f} s: {comparison.goals_per_second:,.0f} goals/s",
     ]
     values = {
-        "arm": found.variants[0].arm.name,
+        "arm": comparison.variants[0].arm.name,
         "step_mm": grid.step * 1e3,
         "cells": len(grid),
-        "orientations": found.orientations,
-        "collisions": found.collisions,
-        "goals": found.goals,
-        "seconds": found.seconds,
-        "goals_per_s": found.goals_per_second,
+        "orientations": comparison.orientations,
+        "collisions": comparison.collisions,
+        "goals": comparison.goals,
+        "seconds": comparison.seconds,
+        "goals_per_s": comparison.goals_per_second,
         "areas": {
-            area.name: {"from_mm": 1e3 * np.array(area.low), "to_mm": 1e3 * np.array(area.high)} for area in found.areas
+            area.name: {"from_mm": 1e3 * np.array(area.low), "to_mm": 1e3 * np.array(area.high)}
+            for area in comparison.areas
         },
         "variants": [
             {
                 "name": variant.name,
                 "volume_l": capability.volume * 1e3,
                 "reachable": capability.everywhere,
-                "areas": {area.name: capability.within(area) for area in found.areas},
-                "all_areas_index": capability.score(found.areas) if found.areas else None,
+                "areas": {area.name: capability.within(area) for area in comparison.areas},
+                "all_areas_index": capability.score(comparison.areas) if comparison.areas else None,
             }
             for variant, capability in pairs
         ],
-        "best": found.ranked[0][0].name,
+        "best": comparison.ranked[0][0].name,
     }
-    return Document(blocks, "lrm/reach/1", values, _cells(found))
+    return Document(blocks, "lrm/reach/1", values, _cells(comparison))
 
 
-def _cells(found: VariantComparison) -> ResultTable:
+def _cells(comparison: VariantComparison) -> ResultTable:
     """A row for every cell that some variant reaches, with each variant's share of orientations."""
-    index = np.stack([capability.index for capability in found.maps])
+    index = np.stack([capability.index for capability in comparison.maps])
     some = (index > 0.0).any(axis=0)
-    centres = found.maps[0].grid.centres[some] * 1e3
-    shares = ("index " + variant.name.replace(",", " ") + "|.6f" for variant in found.variants)
+    centres = comparison.maps[0].grid.centres[some] * 1e3
+    shares = ("index " + variant.name.replace(",", " ") + "|.6f" for variant in comparison.variants)
     return ResultTable(
         ("x_mm|.3f", "y_mm|.3f", "z_mm|.3f", *shares), np.concatenate([centres.T, index[:, some]]).T.tolist()
     )

@@ -106,7 +106,7 @@ class Covariate:
 
 def covariates(data: Measurements, torque: Array) -> tuple[Covariate, ...]:
     """Covariates that vary over the poses. `torque`: (N, n), of gravity on the joints (N·m); (N, 0): unknown."""
-    return tuple(one for one in _all(data, torque) if np.ptp(one.values) > 0)
+    return tuple(covariate for covariate in _all(data, torque) if np.ptp(covariate.values) > 0)
 
 
 def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
@@ -127,9 +127,9 @@ def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
 def distinct(values: Mapping[ExplanatoryVariable, Array]) -> dict[ExplanatoryVariable, Array]:
     """Standardised values (N,) of variables, without constant ones and those that repeat an earlier one."""
     out: dict[ExplanatoryVariable, Array] = {}
-    for variable, own in values.items():
-        if np.ptp(own) > CONSTANT:
-            x = (own - own.mean()) / own.std()
+    for variable, values_of_variable in values.items():
+        if np.ptp(values_of_variable) > CONSTANT:
+            x = (values_of_variable - values_of_variable.mean()) / values_of_variable.std()
             if all(abs(x @ other) < REDUNDANT * len(x) for other in out.values()):
                 out[variable] = x
     return out
@@ -143,5 +143,5 @@ def scaled(values: Array) -> Array:
 
 def levels(values: Array, decimals: int) -> tuple[Array, NDArray[np.int64]]:
     """Distinct values among (N,), rounded to so many decimals, ascending; and (N,), number of each value's level."""
-    found, number = np.unique(np.round(values, decimals), return_inverse=True)
-    return found, number.reshape(-1)
+    unique, number = np.unique(np.round(values, decimals), return_inverse=True)
+    return unique, number.reshape(-1)

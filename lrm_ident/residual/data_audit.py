@@ -88,8 +88,8 @@ def where_it_holds(q: Array, lower: Array, upper: Array) -> tuple[MeasuredAngles
 def joints_of_order(q: Array) -> dict[int, float]:
     """Joints from 0 that the order of poses q (N, n) follows, with the correlation of angle and order."""
     moved = {joint: angle for joint, angle in enumerate(q.T) if np.ptp(angle) > 0}
-    found = {joint: float(np.corrcoef(np.arange(len(q)), angle)[0, 1]) for joint, angle in moved.items()}
-    return {joint: correlation for joint, correlation in found.items() if abs(correlation) > STRONG_CORRELATION}
+    correlations = {joint: float(np.corrcoef(np.arange(len(q)), angle)[0, 1]) for joint, angle in moved.items()}
+    return {joint: correlation for joint, correlation in correlations.items() if abs(correlation) > STRONG_CORRELATION}
 
 
 def _reversals(excitation: Excitation) -> Iterator[Limitation]:

@@ -92,8 +92,8 @@ class FreeFunction:
         """Whether effects of the catalogue are such functions: of its own angle, torque now or before, or the order."""
         if self.joint is None or len(self.covariates) != 1:
             return False
-        one = self.covariates[0]
-        return one.kind == "order" or (one.kind in ("angle", "torque") and one.joint == self.joint)
+        covariate = self.covariates[0]
+        return covariate.kind == "order" or (covariate.kind in ("angle", "torque") and covariate.joint == self.joint)
 
 
 def free_functions(
@@ -108,19 +108,27 @@ def free_functions(
         joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad).
         torque_before: (N, `MEMORY`, n), scaled, at the poses measured before (`lagged`).
     """
-    known = [one for one in covariates(data, equilibrium.joint_torque) if len(levels(scaled(one.values), 3)[0]) > 1]
-    shared = [one for one in known if one.kind in ("angle", "order")]
+    covariates_known = [
+        covariate
+        for covariate in covariates(data, equilibrium.joint_torque)
+        if len(levels(scaled(covariate.values), 3)[0]) > 1
+    ]
+    shared = [covariate for covariate in covariates_known if covariate.kind in ("angle", "order")]
     univariate = _radial(joint_jacobian, equilibrium) + _common_modes(joint_jacobian, data, equilibrium)
     bivariate, products = [], cache(_products)  # alike at every joint
     for joint, motion in enumerate(joint_jacobian):
-        own = [one for one in known if one.kind == "torque" and one.joint == joint]
-        moved = [one for one in known if one.kind == "motion" and one.joint == joint]
-        candidates = [*shared, *own]
-        for one in own:
-            before = replace(one.variable, before=True)
+        torques = [
+            covariate for covariate in covariates_known if covariate.kind == "torque" and covariate.joint == joint
+        ]
+        moved = [covariate for covariate in covariates_known if covariate.kind == "motion" and covariate.joint == joint]
+        candidates = [*shared, *torques]
+        for torque in torques:
+            before = replace(torque.variable, before=True)
             univariate.append(FreeFunction(joint, (before,), ((motion, torque_before[:, :, joint]),)))
-        for one in (*candidates, *moved):
-            univariate.append(FreeFunction(joint, (one.variable,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
+        for torque in (*candidates, *moved):
+            univariate.append(
+                FreeFunction(joint, (torque.variable,), ((motion, torque.legendre_basis(SINGLE_DEGREE)),))
+            )
         for a, b in combinations(candidates, 2):
             basis = products(a, b)
             if basis is not None:
@@ -132,13 +140,13 @@ def _products(a: Covariate, b: Covariate) -> Array | None:
     """(N, m), products of Legendre polynomials of two covariates; None where a covariate has too few levels."""
     left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)
     degrees = product(range(left.shape[1]), range(right.shape[1]))
-    found = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
-    return np.stack(found, axis=1) if found else None
+    products = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
+    return np.stack(products, axis=1) if products else None
 
 
 def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunction]:
     """Radial motions of every joint's axis under the weight F across it: Σ c F / √(|F|² + s²) over `RADIAL_SCALES`."""
-    chain, count, found = equilibrium.model.chain, len(equilibrium.poses), []
+    chain, count, functions = equilibrium.model.chain, len(equilibrium.poses), []
     axes = frames(chain, equilibrium.slots, count)[:, :, :3, :2]
     gravity = np.stack([np.broadcast_to(g, count) for g in equilibrium.gravity], axis=1)
     mass = np.array([np.broadcast_to(weight.mass, count) for weight in equilibrium.weights]).reshape(-1, count)
@@ -159,17 +167,17 @@ def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunctio
         world = np.einsum("nck,nk->cn", axes[:, before], force)
         size = np.linalg.norm(world, axis=0)
         shift = RadialShift(size, world / np.maximum(size, CONSTANT))
-        found.append(FreeFunction(joint, (ExplanatoryVariable("force"),), tuple(terms), shift))
-    return found
+        functions.append(FreeFunction(joint, (ExplanatoryVariable("force"),), tuple(terms), shift))
+    return functions
 
 
 def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equilibrium) -> list[FreeFunction]:
     """Common modes: a gain or compliance of all joints, a scale of all lengths, as functions of shared covariates."""
     torque = equilibrium.joint_torque
-    drivers = [one for one in covariates(data, torque[:, :0]) if one.kind in COMMON_DRIVERS]
+    drivers = [covariate for covariate in covariates(data, torque[:, :0]) if covariate.kind in COMMON_DRIVERS]
     if np.ptp(total := np.abs(torque).sum(axis=1)) > CONSTANT:
         drivers.append(Covariate("total torque", total))
-    told_apart = distinct({one.variable: one.values for one in drivers})
+    told_apart = distinct({covariate.variable: covariate.values for covariate in drivers})
     stretch = np.zeros_like(joint_jacobian[0])
     stretch[:3] = equilibrium.tcp.T
     motions = {
@@ -179,9 +187,9 @@ def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equili
     }
     constant = np.ones((len(data), 1))
     bases = {
-        one.variable: np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)])
-        for one in drivers
-        if one.variable in told_apart
+        covariate.variable: np.hstack([constant, covariate.legendre_basis(SINGLE_DEGREE)])
+        for covariate in drivers
+        if covariate.variable in told_apart
     }
     return [
         FreeFunction(None, (variable,), ((motion, basis),), common=mode)

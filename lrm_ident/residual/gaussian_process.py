@@ -43,8 +43,8 @@ class Kernel:
     @staticmethod
     def of_log(values: Array) -> Kernel:
         """Hyperparameters from their logarithms (D + 2,)."""
-        found = np.exp(values)
-        return Kernel(found[:-2], float(found[-2]), float(found[-1]))
+        kernel = np.exp(values)
+        return Kernel(kernel[:-2], float(kernel[-2]), float(kernel[-1]))
 
     @staticmethod
     def start(inputs: int) -> Kernel:
@@ -177,21 +177,21 @@ def fit_kernel(start: FactoredKernel, output: Array) -> Kernel:
     """
     inputs = start.inputs
     lower, upper = np.log([*[LENGTH_RANGE] * inputs.shape[1], SIGNAL_RANGE, NOISE_RANGE]).T
-    z, damping, now = start.kernel.log, DAMPING, LogMarginalLikelihood(start, output)
+    z, damping, likelihood = start.kernel.log, DAMPING, LogMarginalLikelihood(start, output)
     for _ in range(MAX_EVALUATIONS):
         # projected step: at a bound that the gradient leads beyond a hyperparameter is left out of the system
-        free = ~(((z <= lower) & (now.gradient < 0)) | ((z >= upper) & (now.gradient > 0)))
+        free = ~(((z <= lower) & (likelihood.gradient < 0)) | ((z >= upper) & (likelihood.gradient > 0)))
         step = np.zeros_like(z)
-        damped = now.information[np.ix_(free, free)] + damping * len(output) * np.eye(int(free.sum()))
-        step[free] = np.linalg.solve(damped, now.gradient[free])
+        damped = likelihood.information[np.ix_(free, free)] + damping * len(output) * np.eye(int(free.sum()))
+        step[free] = np.linalg.solve(damped, likelihood.gradient[free])
         trial = np.clip(z + step / max(1.0, np.abs(step).max() / LONGEST_STEP), lower, upper)
         # the gain that a straight line promises is at least that of the curve near a maximum
-        if now.gradient @ (trial - z) < WORTHWHILE:
+        if likelihood.gradient @ (trial - z) < WORTHWHILE:
             break
         then = log_marginal_likelihood(Kernel.of_log(trial), inputs, output)
-        gain = then.value - now.value
+        gain = then.value - likelihood.value
         if gain > 0.0:
-            z, now = trial, then
+            z, likelihood = trial, then
         if 0.0 < gain < WORTHWHILE:
             break
         damping = max(0.1 * damping, DAMPING) if gain > 0.0 else 10.0 * damping

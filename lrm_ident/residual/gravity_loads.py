@@ -26,7 +26,7 @@ def local_covariates(rest: Equilibrium) -> tuple[Covariate, ...]:
     loads = rest.loads_on([k for k, _ in slots]).T
     tip = (Covariate(axis, values) for axis, values in zip(AXES, rest.tcp.T, strict=True))
     every = (*(_load(slot, load) for (_, slot), load in zip(slots, loads, strict=True)), *tip)
-    return tuple(one for one in every if np.ptp(one.values) > CONSTANT)
+    return tuple(covariate for covariate in every if np.ptp(covariate.values) > CONSTANT)
 
 
 def _bent(slot: Slot) -> bool:

@@ -89,11 +89,11 @@ def noise_floor(data: Measurements, equilibrium: Equilibrium, explained: Array |
     """
     measured, rows = data.first.numbers, data.first.rows
     axes = measured.shape[1]
-    left = (data.residual(equilibrium) - explained)[:, data.rows_of(data.first)]
+    unexplained = (data.residual(equilibrium) - explained)[:, data.rows_of(data.first)]
     numbers, count = np.unique(data.repeat_of[rows], return_counts=True)
     repeats = [rows[data.repeat_of[rows] == number] for number in numbers[count > 1]]
     if any(np.ptp(measured[rows], axis=0).any() for rows in repeats):
-        squares = sum(float(((left[rows] - left[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
+        squares = sum(float(((unexplained[rows] - unexplained[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
         degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
         return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes, degrees_of_freedom)
     if data.sd is not None:

@@ -49,7 +49,9 @@ def parameter_hints(fitted: Fit) -> tuple[ParameterHint, ...]:
 def _scale(fitted: Fit, columns: Array) -> Iterator[ParameterHint]:
     """Whether the fitted lengths together stretch the arm as a scale error of the tracker would."""
     free = map(ParameterRef.parse, fitted.model.free)
-    lengths = [one.id == "offsets" and one.place != "base" and one.name.endswith("_mm") for one in free]
+    lengths = [
+        parameter.id == "offsets" and parameter.place != "base" and parameter.name.endswith("_mm") for parameter in free
+    ]
     others = columns[:, np.logical_not(lengths)]
     motion = _motion(fitted, columns, lengths)
     moved, stretch = _projected_out(others, motion, fitted.equilibrium.true_tcp.reshape(-1, 1))
@@ -78,9 +80,9 @@ def _few_levels(fitted: Fit) -> Iterator[ParameterHint]:
     free = {ParameterRef.parse(key).effect for key in fitted.model.free}
     for joint, name in enumerate(fitted.model.arm.joint_names):
         levels = excitation.levels(joint)
-        own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]
-        if own and levels <= FEW_LEVELS:
-            yield ParameterHint(HintKind.FEW_LEVELS, (levels,), (name, *own))
+        kinds = [kind for kind in OF_THE_ANGLE if (kind, name) in free]
+        if kinds and levels <= FEW_LEVELS:
+            yield ParameterHint(HintKind.FEW_LEVELS, (levels,), (name, *kinds))
 
 
 def _are_one_motion(amount: float, likeness: float, error: float) -> bool:

@@ -36,8 +36,8 @@ def pose_covariates(data: Measurements, position: Array) -> dict[ExplanatoryVari
     Args:
         position: (N, 3), predicted TCP (m); the measured one contains the noise.
     """
-    known = {one.variable: one.values for one in covariates(data, np.empty((len(data), 0)))}
-    inputs = {one: known[one] for kind in INPUTS for one in known if one.kind == kind}
+    by_variable = {covariate.variable: covariate.values for covariate in covariates(data, np.empty((len(data), 0)))}
+    inputs = {variable: by_variable[variable] for kind in INPUTS for variable in by_variable if variable.kind == kind}
     if data.poses.direction is not None:
         sides = enumerate(data.poses.direction.T)
         inputs |= {ExplanatoryVariable("direction", joint): side for joint, side in sides}
@@ -85,7 +85,7 @@ class PredictableError:
         """The table `nameless`."""
         return {
             **self.error.as_json(),
-            "follows": [one.symbol for one in self.follows],
+            "follows": [variable.symbol for variable in self.follows],
             "z": self.z,
             "more_to_find": self.more_to_find,
             "learned_from_poses": self.rows,
@@ -102,8 +102,8 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
     from lrm_ident.residual.gaussian_process import FactoredKernel, Kernel, condition, fit_kernel  # loads half of scipy
 
     before, after = held_out_residual(blocks), np.empty_like(data.tcp)
-    known = pose_covariates(data, data.tcp - before)
-    variables, x = tuple(known), np.stack(list(known.values()), axis=1)
+    by_variable = pose_covariates(data, data.tcp - before)
+    variables, x = tuple(by_variable), np.stack(list(by_variable.values()), axis=1)
     relevance, most = np.zeros(len(variables)), 0
     for block in blocks:
         search = spaced_rows(len(block.train), SEARCH_ROWS)
@@ -115,6 +115,6 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
             process = condition(kernel, x[block.train], y / unit)
             after[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
             relevance += (unit * kernel.signal / kernel.lengths) ** 2
-    ranked = sorted(zip(relevance.tolist(), variables, strict=True), key=lambda one: one[0], reverse=True)
-    follows = tuple(one for value, one in ranked if value > RELEVANT * ranked[0][0])
+    ranked = sorted(zip(relevance.tolist(), variables, strict=True), key=lambda pair: pair[0], reverse=True)
+    follows = tuple(variable for value, variable in ranked if value > RELEVANT * ranked[0][0])
     return PredictableError(before, after, follows[:MOST_FOLLOWED], most)

@@ -65,19 +65,21 @@ def studentised_squares(residual: Array, columns: Array) -> Array:
 
 def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     """The regimes in which squared residuals (N,) in m² are significantly larger than elsewhere, the clearest first."""
-    quantities = [one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS]
-    quantities.sort(key=lambda one: list(UNITS).index(one.kind))
+    quantities = [covariate for covariate in covariates(data, np.empty((len(data), 0))) if covariate.kind in UNITS]
+    quantities.sort(key=lambda covariate: list(UNITS).index(covariate.kind))
     halves = _halves(data.repeat_of)
     if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST_IN_REGIME:
         return ()
     ranked = [tuple((rows, _ranks(squares[rows])) for rows in (half, ~half)) for half in halves]
-    adjusted = benjamini_yekutieli({one.variable: _aggregated_p_value(_parts(one), ranked) for one in quantities})
-    found = [
+    adjusted = benjamini_yekutieli(
+        {covariate.variable: _aggregated_p_value(_parts(covariate), ranked) for covariate in quantities}
+    )
+    regimes = [
         _regime(quantity, _best_interval(quantity, squares), squares, p_value)
-        for quantity in sorted(quantities, key=lambda one: adjusted[one.variable])
+        for quantity in sorted(quantities, key=lambda covariate: adjusted[covariate.variable])
         if (p_value := adjusted[quantity.variable]) < SIGNIFICANCE
     ]
-    return tuple(one for one in found if one.inside > MIN_REGIME_RATIO * one.outside)
+    return tuple(regime for regime in regimes if regime.inside > MIN_REGIME_RATIO * regime.outside)
 
 
 def outlier_regimes(data: Measurements, squares: Array, outliers: NDArray[np.bool_]) -> tuple[Regime, ...]:
@@ -88,8 +90,12 @@ def outlier_regimes(data: Measurements, squares: Array, outliers: NDArray[np.boo
     """
     if not 0 < outliers.sum() < len(data):
         return ()
-    quantities = {one.variable: one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS}
-    tested = {variable: kuiper_interval(one.shown, outliers) for variable, one in quantities.items()}
+    quantities = {
+        covariate.variable: covariate
+        for covariate in covariates(data, np.empty((len(data), 0)))
+        if covariate.kind in UNITS
+    }
+    tested = {variable: kuiper_interval(covariate.shown, outliers) for variable, covariate in quantities.items()}
     adjusted = benjamini_yekutieli({variable: p_value for variable, (p_value, _) in tested.items()})
     return tuple(
         _regime(quantities[variable], tested[variable][1], squares, adjusted[variable])

@@ -33,7 +33,7 @@ def residual_patterns(
     data: Measurements,
     blocks: Sequence[HeldOutBlock],
     outlier_distances: Mapping[int, float],
-    known: PredictableError | None = None,
+    prediction: PredictableError | None = None,
 ) -> ResidualPatterns:
     """Tries a Gaussian process on the residual of a cross-validated fit, and looks for regimes.
 
@@ -44,12 +44,12 @@ def residual_patterns(
     """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.equilibrium, keys).reshape(fitted.residual.size, len(keys))
-    predictable = known or predictable_error(data, blocks)
+    predictable = prediction or predictable_error(data, blocks)
     squares = dict(zip(data.pose.tolist(), studentised_squares(fitted.residual, columns).tolist(), strict=True))
     squares |= {number: distance**2 for number, distance in outlier_distances.items()}
     together = data.complete.take(np.isin(data.complete.pose, [*squares]))
     squared = np.array([squares[number] for number in together.pose.tolist()])
     clusters = outlier_regimes(together, squared, ~np.isin(together.pose, data.pose))
     known_already = {same.quantity.variable for same in clusters}
-    others = [one for one in find_regimes(together, squared) if one.quantity.variable not in known_already]
+    others = [regime for regime in find_regimes(together, squared) if regime.quantity.variable not in known_already]
     return ResidualPatterns(predictable, (*clusters, *others), together.pose)

@@ -31,16 +31,22 @@ def scale_uncertainty(fitted: Fit) -> ScaleUncertainty | None:
     if any(effect.id == DepthScale.id for effect in fitted.model.effects):
         return ScaleUncertainty()
     free = [*map(ParameterRef.parse, fitted.model.free)]
-    scales = [row for row, one in enumerate(free) if one.id == MeasurementFrame.id and one.name.startswith("scale_")]
+    scales = [
+        row
+        for row, parameter in enumerate(free)
+        if parameter.id == MeasurementFrame.id and parameter.name.startswith("scale_")
+    ]
     lengths = [
-        row for row, one in enumerate(free) if one.id == "offsets" and one.place != "base" and one.name.endswith("_mm")
+        row
+        for row, parameter in enumerate(free)
+        if parameter.id == "offsets" and parameter.place != "base" and parameter.name.endswith("_mm")
     ]
     if not scales or not lengths:
         return None
     mean = np.isin(np.arange(len(free)), scales) / len(scales)
-    by_length, known = (fitted.covariance @ mean)[lengths], fitted.covariance[np.ix_(lengths, lengths)]
+    by_length, of_lengths = (fitted.covariance @ mean)[lengths], fitted.covariance[np.ix_(lengths, lengths)]
     variance = float(mean @ fitted.covariance @ mean)
-    owed = float(by_length @ np.linalg.pinv(known, hermitian=True) @ by_length)
+    owed = float(by_length @ np.linalg.pinv(of_lengths, hermitian=True) @ by_length)
     if variance <= 0.0 or owed < HALF * variance:
         return None
     return ScaleUncertainty(variance**0.5, variance**0.5 * distance_from_centre(fitted))

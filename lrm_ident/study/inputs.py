@@ -102,9 +102,9 @@ def effective_parameters(file: ModelFile, model: Model, catalogue: Catalogue) ->
     if prior is None:
         return float(len(model.free))
     error = np.array([file.sigma.get(key, 0.0) * model.parameter(key).si for key in prior.keys])
-    known = np.isin(prior.keys, model.free)
-    left = np.where(error > 0.0, (error / prior.sd_of(prior.keys)) ** 2, 1.0)[known]
-    return len(model.free) - float(np.minimum(left, 1.0).sum())
+    with_prior = np.isin(prior.keys, model.free)
+    variance_ratio = np.where(error > 0.0, (error / prior.sd_of(prior.keys)) ** 2, 1.0)[with_prior]
+    return len(model.free) - float(np.minimum(variance_ratio, 1.0).sum())
 
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tuple[Notice, ...]]:

@@ -135,8 +135,8 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
-        known = compared if self.prior_name == TYPICAL else None
-        report = build_report(screened or self.screen(rates), self._say, known)
+        comparison = compared if self.prior_name == TYPICAL else None
+        report = build_report(screened or self.screen(rates), self._say, comparison)
         return replace(report, indistinguishable=self._indistinguishable)
 
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
@@ -166,8 +166,8 @@ class Study(ModelOnData, ShownInNotebook):
         notices = (*notices, *as_read(assumed_steps(added, study.data.poses)))
         equivalent = diagnosis.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         before = study.held_out.error if diagnosis.data.several_kinds else None  # else as the screening has it
-        left = diagnosis.screening.linear.baseline.rms if before is None else before.rms
-        evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent], left))
+        rms_before = diagnosis.screening.linear.baseline.rms if before is None else before.rms
+        evidence = Evidence(equivalent, diagnosis.rivals([*names, *equivalent], rms_before))
         step = Step(StepName(ADD, effect), fitted, diagnosis.data, study.model, evidence=evidence)
         return replace(study, notices=notices)._after(step, study)
 

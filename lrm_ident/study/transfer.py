@@ -122,15 +122,15 @@ def read_transfer(
 
 
 def transfer_of(
-    file: ModelFile, model: Model, known: Covariance | None, to: str, noise: float | None = None
+    file: ModelFile, model: Model, covariance: Covariance | None, to: str, noise: float | None = None
 ) -> Transfer:
     """The transfer of a model with the covariance of its parameters; arguments as of `read_transfer`."""
     if words := unknown_state(model):
         raise LrmError(f"{words}; {FIT_STATE}")
-    if known is None:
+    if covariance is None:
         raise LrmError("the model has no [covariance]: how sure its parameters are is not known; fit it again")
     weigh = max(noise or 0.0, remaining_error(file)) if file.history or noise is None else noise
-    return Transfer(transferred(model, known, load_arm(to), weigh), to, file)
+    return Transfer(transferred(model, covariance, load_arm(to), weigh), to, file)
 
 
 def identified(transfer: Transfer, data: Measurements) -> Transfer:

@@ -40,16 +40,22 @@ def note_session(folder: Path, files: OpenFiles) -> None:
 
 def last_session(folder: Path, data: Path | None) -> OpenFiles | None:
     """Files of the newest other session with steps beside a folder, still there; of some measurements, if given."""
-    notes = [one for one in folder.parent.glob(f"*/{NOTE}") if one.parent != folder]
-    for note in sorted(notes, key=lambda one: one.stat().st_mtime, reverse=True):
-        found = _noted(note)
-        if found is None or found.model.name == OpenTask.kept.name:
+    notes = [path for path in folder.parent.glob(f"*/{NOTE}") if path.parent != folder]
+    for note in sorted(notes, key=lambda path: path.stat().st_mtime, reverse=True):
+        session_noted = _noted(note)
+        if session_noted is None or session_noted.model.name == OpenTask.kept.name:
             continue
-        if not (found.model.is_file() and found.data.is_file()):
+        if not (session_noted.model.is_file() and session_noted.data.is_file()):
             continue
-        is_copy = data is not None and found.data.name == data.name and found.data.is_relative_to(folder.parent)
-        if data is None or found.data.resolve() == data.resolve() or is_copy:  # a copy as the data were read once
-            return found
+        is_copy = (
+            data is not None
+            and session_noted.data.name == data.name
+            and session_noted.data.is_relative_to(folder.parent)
+        )
+        if (
+            data is None or session_noted.data.resolve() == data.resolve() or is_copy
+        ):  # a copy as the data were read once
+            return session_noted
     return None
 
 
@@ -101,11 +107,11 @@ class WorkbenchAddress:
 
 def new_place(port: int | None) -> WorkbenchAddress:
     """A free place. Raises `LrmError` if the port is taken."""
-    with socket.socket() as one:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    with socket.socket() as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            one.bind((HOST, port or 0))
+            listener.bind((HOST, port or 0))
         except OSError as error:
             raise LrmError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
-        free = int(one.getsockname()[1])
+        free = int(listener.getsockname()[1])
     return WorkbenchAddress(free, secrets.token_urlsafe(16), new_folder())

@@ -26,21 +26,21 @@ this arm's data cannot distinguish</p>
 }
 
 
-def fleet_page(found: FleetResult, name: str) -> str:
+def fleet_page(result: FleetResult, name: str) -> str:
     """The page's text; `name`: of the manifest."""
-    title, document, figures = f"Fleet: {name}", fleet_document(found), fleet_figures(found)
+    title, document, figures = f"Fleet: {name}", fleet_document(result), fleet_figures(result)
     blocks = document.blocks
     panels = FIGURES if figures["effects"] else {**FIGURES, MISSING: NONE_MISSING}
-    return plain_page(title, _verdict(found), panels, figures, document, blocks, SCRIPTS_OF_FLEET, CONTROLS)
+    return plain_page(title, _verdict(result), panels, figures, document, blocks, SCRIPTS_OF_FLEET, CONTROLS)
 
 
-def _verdict(found: FleetResult) -> str:
+def _verdict(result: FleetResult) -> str:
     """One sentence: how many arms, how far off, and the most frequent effect."""
-    done = [record for record in found.records if not record.reason]
-    words = f"{len(done)} of {len(found.records)} arms identified"
-    common = None if isinstance(found.known, str) or not found.known.rates else found.known.rates[0]
+    done = [record for record in result.records if not record.reason]
+    words = f"{len(done)} of {len(result.records)} arms identified"
+    common = None if isinstance(result.known, str) or not result.known.rates else result.known.rates[0]
     if common is not None and common.found > 0:
         words += f"; most often missing: {plain_name(common.name)}, in {rate_words(common)}"
-    if odd := list(dict.fromkeys(one.arm for one in found.outliers)):
+    if odd := list(dict.fromkeys(outlier.arm for outlier in result.outliers)):
         words += f"; unlike its sisters: {', '.join(odd[:3])}" + (" and more" if len(odd) > 3 else "")
     return words + "."

@@ -43,7 +43,7 @@ class Gate:
         if asked.headers.get("origin", f"http://{hosts[0]}") not in [f"http://{host}" for host in hosts]:
             return FOREIGN
         given = [*asked.query_params.getlist("token"), asked.cookies.get(self._name, "")]
-        return "" if any(secrets.compare_digest(one.encode(), self.token.encode()) for one in given) else NO_TOKEN
+        return "" if any(secrets.compare_digest(token.encode(), self.token.encode()) for token in given) else NO_TOKEN
 
     @property
     def _name(self) -> str:

@@ -128,29 +128,29 @@ def plain_page(
     return standalone_page(title, body, values_text(values), document, scripts, end=show)
 
 
-def html_report(found: ModelReport) -> str:
+def html_report(report: ModelReport) -> str:
     """The report's text."""
-    arm, known = found.file.arm, found.file.provenance
+    arm, provenance = report.file.arm, report.file.provenance
     name = Path(arm).stem if arm.endswith(".toml") else arm  # of an arm file without its folder
-    title = f"{name}: model and measurements {found.poses.source.path.name}"
-    made = "" if known is None else f"; fitted {known.date[:10]} with {known.tool}"
-    document = found.document()
-    sentence = "" if found.story is None else found.story.sentence
-    facts = blocks_html([Facts(found.facts)] if found.facts else ())
-    said = f'<p class="lrm-soft">{escape(f"{found.field.poses} poses of {found.poses.source.path.name}{made}")}</p>'
-    told = TOLD.format(verdict=escape(found.verdict), sentence=escape(sentence), facts=facts)
-    main = MAIN.format(told=told, beside=BESIDE, below=BELOW, numbers=numbers_html(found))
+    title = f"{name}: model and measurements {report.poses.source.path.name}"
+    made = "" if provenance is None else f"; fitted {provenance.date[:10]} with {provenance.tool}"
+    document = report.document()
+    sentence = "" if report.story is None else report.story.sentence
+    facts = blocks_html([Facts(report.facts)] if report.facts else ())
+    said = f'<p class="lrm-soft">{escape(f"{report.field.poses} poses of {report.poses.source.path.name}{made}")}</p>'
+    told = TOLD.format(verdict=escape(report.verdict), sentence=escape(sentence), facts=facts)
+    main = MAIN.format(told=told, beside=BESIDE, below=BELOW, numbers=numbers_html(report))
     body = FRAME.format(title=escape(title), said=said, controls="", marked="", main=main)
-    return standalone_page(title, body, values_text(figure_values(found)), document, SCRIPTS, START, "lrm.ready();")
+    return standalone_page(title, body, values_text(figure_values(report)), document, SCRIPTS, START, "lrm.ready();")
 
 
-def numbers_html(found: ModelReport) -> str:
+def numbers_html(report: ModelReport) -> str:
     """All tables of a report, each section folded."""
     sections = {
-        "Details of the diagnosis": blocks_html(found.diagnosis.details if found.diagnosis else ()),
-        "Details of the comparison": blocks_html(found.comparison.whole if found.comparison else ()),
-        "Steps": table_html(replace(history_table(found.file), title="")),
-        "Parameters": table_html(found.parameters),
-        "Where the model comes from": table_html(replace(provenance_table(found.file), title="")),
+        "Details of the diagnosis": blocks_html(report.diagnosis.details if report.diagnosis else ()),
+        "Details of the comparison": blocks_html(report.comparison.whole if report.comparison else ()),
+        "Steps": table_html(replace(history_table(report.file), title="")),
+        "Parameters": table_html(report.parameters),
+        "Where the model comes from": table_html(replace(provenance_table(report.file), title="")),
     }
     return "".join(section_html(title, text) for title, text in sections.items())

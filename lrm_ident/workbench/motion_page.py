@@ -83,19 +83,19 @@ def _what(
     entries: list[dict[str, Any]] = []
     for move in shown:
         count = moves.counted[move]
-        told, read, own, *left = (moves.scale * x[move, :, axis][count] for x in every)
-        curves = {"told": told, "read": read, "before": own - left[0], "after": read - left[1]}
+        told, read, modelled, *unexplained = (moves.scale * x[move, :, axis][count] for x in every)
+        curves = {"told": told, "read": read, "before": modelled - unexplained[0], "after": read - unexplained[1]}
         entries.append(
             {
                 "name": f"{move + 1}",
                 "dt": round(moves.dt, 6),
                 "start": round(float(np.argmax(count)) * moves.dt, 4),
                 **{name: rounded(curve, DIGITS) for name, curve in curves.items()},
-                "left": [rounded(one, DIGITS) for one in left],
+                "left": [rounded(curve, DIGITS) for curve in unexplained],
             }
         )
     errors = [float(np.sqrt(np.nanmean(residual[:, :, axis] ** 2))) for residual in residuals]
-    worst = int(np.argmax([np.nanmean(np.square([v or 0.0 for v in one["left"][0]])) for one in entries]))
+    worst = int(np.argmax([np.nanmean(np.square([v or 0.0 for v in entry["left"][0]])) for entry in entries]))
     return {
         "label": label,
         "added": bool(after.added_at(joint)),

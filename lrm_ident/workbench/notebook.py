@@ -68,8 +68,8 @@ def html_of(result: object) -> str:
 
 def page_of(study: Study) -> str:
     """A frame with the page that `lrm-ident report` writes: error field, where it fails, what is missing, cards."""
-    found = with_comparison(quick_report(study), study.compare())
-    page = html_report(with_diagnosis(found, study.diagnose()))
+    report = with_comparison(quick_report(study), study.compare())
+    page = html_report(with_diagnosis(report, study.diagnose()))
     return FRAME.format(page=escape(page, quote=True))
 
 

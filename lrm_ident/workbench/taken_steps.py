@@ -60,8 +60,8 @@ def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     taken = replace(taken, undone=before)
     done = (*taken.done, tasks.DoneCommand(("undo", last.files.model, "-o", kept)))
     if earlier and earlier[-1].model == last.before:
-        known = replace(earlier[-1], files=replace(last.files, model=kept))
-        return replace(taken, steps=(*earlier[:-1], known), done=done)
+        replaced = replace(earlier[-1], files=replace(last.files, model=kept))
+        return replace(taken, steps=(*earlier[:-1], replaced), done=done)
     return replace(taken, steps=earlier, done=done)
 
 

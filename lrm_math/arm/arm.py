@@ -161,8 +161,8 @@ class Arm:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def __repr__(self) -> str:
-        own = ", ".join(joint.name for joint in self.joints if joint.name)
-        return f"<Arm {self.name}: {self.dof} joints{f' ({own})' if own else ''}>"
+        names = ", ".join(joint.name for joint in self.joints if joint.name)
+        return f"<Arm {self.name}: {self.dof} joints{f' ({names})' if names else ''}>"
 
     @property
     def dof(self) -> int:
@@ -223,9 +223,9 @@ class Arm:
 def link_places(follows: Sequence[bool]) -> tuple[str, ...]:
     """Places of the joints of a chain, joint1 … and mimic1 …, of which some follow others."""
     places, count = [], {True: 0, False: 0}
-    for one in follows:
-        count[one] += 1
-        places.append(f"{'mimic' if one else 'joint'}{count[one]}")
+    for joint in follows:
+        count[joint] += 1
+        places.append(f"{'mimic' if joint else 'joint'}{count[joint]}")
     return tuple(places)
 
 
@@ -236,19 +236,19 @@ def within_mimics(joints: Sequence[Joint], mimics: Sequence[MimicJoint]) -> tupl
     """
     out = list(joints)
     for mimic in mimics:
-        own, link = out[mimic.leader], mimic.link
+        leader_link, link = out[mimic.leader], mimic.link
         if not mimic.ratio or link.upper - link.lower > 2.0 * math.pi - ROUND_OFF:
             continue
         low, high = sorted((limit - mimic.offset) / mimic.ratio for limit in (link.lower, link.upper))
-        lower = low if low > own.lower + ROUND_OFF else own.lower
-        upper = high if high < own.upper - ROUND_OFF else own.upper
+        lower = low if low > leader_link.lower + ROUND_OFF else leader_link.lower
+        upper = high if high < leader_link.upper - ROUND_OFF else leader_link.upper
         if not lower < upper:
-            ends = (math.degrees(limit) for limit in (own.lower, own.upper, low, high))
+            ends = (math.degrees(limit) for limit in (leader_link.lower, leader_link.upper, low, high))
             what = (
                 "joint {}: its limits are {:.4g} to {:.4g} deg, those of a joint that follows it are {:.4g} to {:.4g}"
             )
             raise LrmError(f"{what.format(mimic.leader + 1, *ends)} deg of it; some angle should be within both")
-        out[mimic.leader] = replace(own, lower=lower, upper=upper)
+        out[mimic.leader] = replace(leader_link, lower=lower, upper=upper)
     return tuple(out)
 
 

@@ -218,20 +218,20 @@ def load_arm(name_or_path: str | Path) -> Arm:
 def read_arm(path: Path) -> Arm:
     """Reads one arm file. Raises `FileError`, `FileFaults` if there is more than one fault."""
     tables = parse_toml(path)
-    found = schema_faults(path, tables, ArmFile)
-    if not found or tables.get("schema") == ARM_SCHEMA:
-        found += [FileError(path, "", fault) for fault in _contradictions(tables)]
-    raise_faults(path, found)
+    faults = schema_faults(path, tables, ArmFile)
+    if not faults or tables.get("schema") == ARM_SCHEMA:
+        faults += [FileError(path, "", fault) for fault in _contradictions(tables)]
+    raise_faults(path, faults)
     try:
         arm = to_arm(ArmFile.model_validate(tables))
     except LrmError as error:
         raise FileError(path, "", str(error)) from None
-    raise_faults(path, [FileError(path, "", found.what, _right(found)) for found in implausible(arm)])
+    raise_faults(path, [FileError(path, "", fault.what, _right(fault)) for fault in implausible(arm)])
     return arm
 
 
-def _right(found: ImplausibleArm) -> str:
-    return f'{found.right}; if that is your arm, write accepted = ["{found.rule}"] below name'
+def _right(fault: ImplausibleArm) -> str:
+    return f'{fault.right}; if that is your arm, write accepted = ["{fault.rule}"] below name'
 
 
 def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
@@ -248,8 +248,8 @@ def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
 
 
 def _listed(tables: dict[str, Any], name: str) -> list[tuple[int, Any]]:
-    found = tables.get(name)
-    return list(enumerate(found, start=1)) if isinstance(found, list) else []
+    entries = tables.get(name)
+    return list(enumerate(entries, start=1)) if isinstance(entries, list) else []
 
 
 def _built(raw: Any, schema: type[S], build: Callable[[S], Built], faults: list[str]) -> Built | None:
@@ -268,12 +268,12 @@ def to_arm(tables: ArmFile) -> Arm:
     places = link_places([joint.follow is not None for joint in tables.joint])
     links = [_joint(number, joint) for number, joint in enumerate(tables.joint, start=1)]
     mimics = tuple(_mimics(tables.joint, links, places))
-    own = tuple(link for link, table in zip(links, tables.joint, strict=True) if table.follow is None)
+    links_of_joints = tuple(link for link, table in zip(links, tables.joint, strict=True) if table.follow is None)
     arm = Arm(
         name=tables.name,
         gravity=_vector(tables.gravity_m_per_s2, 1.0),
         base=_placement(tables.base),
-        joints=within_mimics(own, mimics),
+        joints=within_mimics(links_of_joints, mimics),
         mimics=mimics,
         tool=_placement(tables.tool),
         bodies=tuple(_body(body, places) for body in tables.body),
@@ -357,7 +357,7 @@ def _shapes(tables: ArmFile, places: Sequence[str]) -> Shapes:
         capsules=tuple(_capsule(capsule, places) for capsule in tables.capsule),
         boxes=tuple(_box(box) for box in tables.box),
         margin=tables.collision.margin_mm * MM,
-        ignored=tuple((one, other) for one, other in tables.collision.ignore),
+        ignored=tuple((pair_first, other) for pair_first, other in tables.collision.ignore),
     )
 
 

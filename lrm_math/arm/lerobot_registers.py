@@ -25,16 +25,16 @@ def settings_of(bus: Any, joints: Sequence[str]) -> ServoSettings:
     tables = getattr(bus, "model_ctrl_table", None)
     if tables is None:
         return {}
-    found: ServoSettings = {}
+    settings: ServoSettings = {}
     for joint in joints:
         table, values = tables[bus.motors[joint].model], dict[str, Any]()
-        for name, known in REGISTERS.items():
-            if register := next((each for each in known if each in table), None):
+        for name, register_names in REGISTERS.items():
+            if register := next((each for each in register_names if each in table), None):
                 factor = DELAY_US if name == "return_delay_us" else 1
                 values[name] = factor * int(bus.read(register, joint, normalize=False))
         for version in FIRMWARE:
             if all(register in table for register in version):
                 numbers = (bus.read(register, joint, normalize=False) for register in version)
                 values["firmware"] = ".".join(str(int(number)) for number in numbers)
-        found[joint] = JointServoSettings(**values)
-    return found
+        settings[joint] = JointServoSettings(**values)
+    return settings

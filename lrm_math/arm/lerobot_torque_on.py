@@ -39,8 +39,8 @@ def torque_on_where_they_stand(robot: Any) -> None:
 
     def enabled(motors: Any = None, num_retry: int = 0) -> None:
         names = [motors] if isinstance(motors, str) else list(bus.motors if motors is None else motors)
-        own = _feetech(bus, names)
-        to_angles = [name for name in own if bus.read(MODE, name, normalize=False) == TO_ANGLES]
+        bus_motors = _feetech(bus, names)
+        to_angles = [name for name in bus_motors if bus.read(MODE, name, normalize=False) == TO_ANGLES]
         for name, goal in {name: _goal(bus, name) for name in to_angles}.items():
             bus.write(GOAL, name, goal, normalize=False, num_retry=num_retry)
         enable(motors, num_retry=num_retry)
@@ -63,9 +63,9 @@ def _goals_with_torque(bus: Any) -> None:
     write = bus.sync_write
 
     def written(data_name: str, values: Any, *arguments: Any, **named: Any) -> None:
-        if data_name == GOAL and (own := _feetech(bus, bus.motors if not isinstance(values, dict) else values)):
-            torques = bus.sync_read(TORQUE, own, normalize=False)
-            if limp := [name for name in own if not torques[name]]:
+        if data_name == GOAL and (bus_motors := _feetech(bus, bus.motors if not isinstance(values, dict) else values)):
+            torques = bus.sync_read(TORQUE, bus_motors, normalize=False)
+            if limp := [name for name in bus_motors if not torques[name]]:
                 what = f"{', '.join(limp)} lost torque: was the supply off?"
                 raise LrmError(f"{what} Nothing is sent. Look where the arm stands, and connect anew")
         write(data_name, values, *arguments, **named)

@@ -55,7 +55,7 @@ def total_mass(arm: Arm) -> float:
 
 def implausible(arm: Arm, written: str = "millimetres") -> Iterator[ImplausibleArm]:
     """Implausible quantities of an arm that nobody accepted. `written`: the unit of lengths in the arm's file."""
-    yield from (found for found in _found(arm, written) if found.rule not in arm.accepted)
+    yield from (fault for fault in _found(arm, written) if fault.rule not in arm.accepted)
 
 
 def _found(arm: Arm, written: str) -> Iterator[ImplausibleArm]:

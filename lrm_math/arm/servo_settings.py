@@ -33,26 +33,26 @@ ServoSettings = dict[str, JointServoSettings]
 
 def settings_tables(settings: ServoSettings) -> dict[str, dict[str, object]]:
     """Settings as tables of a TOML file, without what is not known."""
-    return {joint: one.model_dump(exclude_none=True) for joint, one in settings.items()}
+    return {joint: joint_settings.model_dump(exclude_none=True) for joint, joint_settings in settings.items()}
 
 
-def settings_difference(now: ServoSettings, then: ServoSettings) -> str:
+def settings_difference(current: ServoSettings, then: ServoSettings) -> str:
     """Differences of the settings of joints that both know, in one line; empty if there are none."""
-    found = []
+    differences = []
     for joint, before in then.items():
-        for name, words in WORDS.items() if joint in now else ():
-            was, here = getattr(before, name), getattr(now[joint], name)
+        for name, words in WORDS.items() if joint in current else ():
+            was, here = getattr(before, name), getattr(current[joint], name)
             if was is not None and here is not None and was != here:
-                found.append(f"{joint}: {words} {here}, was {was}")
-    return "; ".join(found)
+                differences.append(f"{joint}: {words} {here}, was {was}")
+    return "; ".join(differences)
 
 
-def require_same_settings(now: ServoSettings | None, then: ServoSettings | None, of: str, accept: str) -> None:
+def require_same_settings(current: ServoSettings | None, then: ServoSettings | None, of: str, accept: str) -> None:
     """Raises `LrmError`: the servos are set otherwise than `of` says; `accept`: how a person says that it shall be so.
 
     Settings that one of both does not know are not compared.
     """
-    if now and then and (words := settings_difference(now, then)):
+    if current and then and (words := settings_difference(current, then)):
         raise LrmError(
             f"the servos are not set as in {of}, so the arm sags and stops otherwise: {words}; set them back, measure "
             f"anew, or {accept}"

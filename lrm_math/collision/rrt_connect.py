@@ -88,11 +88,11 @@ def plan(
         closest = scene.closest(q)
         if closest.distance < margin + RESOLUTION:
             return NoPath(close, None, closest, margin, 0)
-    found = _connect(check, a, b, limits, margin + RESOLUTION, rng, samples)
-    if found is None:
+    path_found = _connect(check, a, b, limits, margin + RESOLUTION, rng, samples)
+    if path_found is None:
         closest = ClosestPair(straight.distance, straight.first, straight.second)
         return NoPath("not found", None, closest, margin, samples)
-    return _shortened(check, found, margin + RESOLUTION, rng)
+    return _shortened(check, path_found, margin + RESOLUTION, rng)
 
 
 class _Tree:
@@ -136,11 +136,11 @@ def _connect(
     """RRT-Connect: by turns, one tree extends towards a random pose, the other connects to the pose reached."""
     trees = _Tree(start), _Tree(goal)
     for sample in range(1, samples + 1):
-        one, other = trees if sample % 2 else trees[::-1]
-        tip, _ = one.grow(check, margin, rng.uniform(limits[0], limits[1]), STEP)
-        end, met = other.grow(check, margin, one.poses[tip], np.inf)
+        tree, other = trees if sample % 2 else trees[::-1]
+        tip, _ = tree.grow(check, margin, rng.uniform(limits[0], limits[1]), STEP)
+        end, met = other.grow(check, margin, tree.poses[tip], np.inf)
         if met:
-            branches = [one.branch(tip), other.branch(end)]
+            branches = [tree.branch(tip), other.branch(end)]
             first, last = branches if sample % 2 else branches[::-1]
             return _without_repeats(np.array([*first[::-1], *last]))
     return None
@@ -150,9 +150,9 @@ def _shortened(check: Check, path: Array, margin: float, rng: np.random.Generato
     """Random shortcuts between two points of a path, then removal of waypoints that are not needed."""
     for _ in range(SHORTCUTS):
         at = np.concatenate([[0.0], np.cumsum(_lengths(path))])
-        one, other = np.sort(rng.uniform(0.0, at[-1], 2))
-        i, j = np.searchsorted(at, one, side="right"), np.searchsorted(at, other, side="left")
-        a, b = (np.array([np.interp(length, at, column) for column in path.T]) for length in (one, other))
+        first, other = np.sort(rng.uniform(0.0, at[-1], 2))
+        i, j = np.searchsorted(at, first, side="right"), np.searchsorted(at, other, side="left")
+        a, b = (np.array([np.interp(length, at, column) for column in path.T]) for length in (first, other))
         if i < j and check(a, b, margin).free:
             path = _without_repeats(np.concatenate([path[:i], [a, b], path[j:]]))
     corner = 1

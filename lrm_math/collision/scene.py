@@ -138,9 +138,9 @@ class Scene:
         fields = [shape for shape in around if isinstance(shape, HeightField)]
 
         # neighbouring links always touch at their joint; what stands around the arm counts as carried by joint 0
-        def checked(one: Capsule, other: Obstacle) -> bool:
-            joints_between = abs(_carrier(one) - (_carrier(other) if isinstance(other, Capsule) else 0))
-            return joints_between > 1 and frozenset((one.name, other.name)) not in allowed
+        def checked(capsule: Capsule, other: Obstacle) -> bool:
+            joints_between = abs(_carrier(capsule) - (_carrier(other) if isinstance(other, Capsule) else 0))
+            return joints_between > 1 and frozenset((capsule.name, other.name)) not in allowed
 
         numbers = range(len(capsules))
         capsule_pairs = [(i, j) for i, j in combinations(numbers, 2) if checked(capsules[i], capsules[j])]
@@ -188,22 +188,22 @@ class Scene:
         Raises `LrmError`: two parts of the arm; a name that no shape has (`UnknownName`).
         """
         numbers = {frozenset(pair): k for k, pair in enumerate(self.names.tolist())}
-        known = sorted(frozenset().union(*numbers))
-        found: dict[int, ContactPermit] = {}
+        bodies = sorted(frozenset().union(*numbers))
+        permits_by_body: dict[int, ContactPermit] = {}
         for permit in permits:
             for name in (permit.first, permit.second):
-                if name not in known:
-                    raise UnknownName("shape", name, known)
+                if name not in bodies:
+                    raise UnknownName("shape", name, bodies)
             number = numbers.get(permit.pair)
             if number is not None and number < len(self.capsule_pairs) and not self._with_obstacle(number):
                 raise LrmError(f"{permit.first} and {permit.second} are both of the arm: they may never touch")
             if number is not None:
-                found[number] = permit
+                permits_by_body[number] = permit
         tip = Capsule("tip", self.chain.dof + 1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-9)
         # a permission depends on where the tip is, so that the distance may change as fast as the tip moves
         bound = self.motion_bound.copy()
-        bound[[*found]] = np.maximum(bound[[*found]], _motion_bound(self.chain, self.home, 0, tip))
-        return replace(self, permits=found, motion_bound=bound)
+        bound[[*permits_by_body]] = np.maximum(bound[[*permits_by_body]], _motion_bound(self.chain, self.home, 0, tip))
+        return replace(self, permits=permits_by_body, motion_bound=bound)
 
     def _with_obstacle(self, pair: int) -> bool:
         return bool((self.frame[self.capsule_pairs[pair]] == WORLD).any())
@@ -288,8 +288,8 @@ class Scene:
         place = arm_frames[:, self.frame]
         ends = np.einsum("ncij,cej->ncei", place[..., :3, :3], self.ends) + place[:, :, None, :3, 3]
         (i, j), (c, k) = self.capsule_pairs.T, self.box_pairs.T
-        one, other = ends[:, i], ends[:, j]
-        apart = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
+        first, other = ends[:, i], ends[:, j]
+        apart = segment_to_segment(first[:, :, 0], first[:, :, 1], other[:, :, 0], other[:, :, 1])
         # axes of capsules in the frame of each box, whose edges are then parallel to the coordinates
         in_box = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_rotation[k])
         a, b, half = in_box[:, :, 0], in_box[:, :, 1], self.box_half[k]

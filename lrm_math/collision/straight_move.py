@@ -82,13 +82,13 @@ def check_path(bodies: ArmBodies, path: Array, keep: float | Array) -> tuple[Mot
     where that bound is below `keep` is bisected. So a free move is free everywhere, not only at the poses sampled, as
     far as `bodies.rate` is right: for the rigid arm it is.
     """
-    found: list[tuple[MotionClearance, int]] = []
+    clearances: list[tuple[MotionClearance, int]] = []
     for first in range(0, len(path) - 1, MOVES):
         clearance, move = _check_moves(bodies, path[first : first + MOVES + 1], keep)
-        found.append((clearance, first + move))
+        clearances.append((clearance, first + move))
         if not clearance.free:
-            return found[-1]
-    return min(found, key=lambda one: one[0].distance - one[0].margin)
+            return clearances[-1]
+    return min(clearances, key=lambda clearance: clearance[0].distance - clearance[0].margin)
 
 
 def _check_moves(bodies: ArmBodies, path: Array, keep: float | Array) -> tuple[MotionClearance, int]:

@@ -26,8 +26,8 @@ from lrm_math.errors import UnknownName
 
 def _effect_class(path: str) -> type[Effect]:
     module, name = path.rsplit(".", 1)
-    found: type[Effect] = getattr(import_module(f"lrm_math.effects.{module}"), name)
-    return found
+    effect_class: type[Effect] = getattr(import_module(f"lrm_math.effects.{module}"), name)
+    return effect_class
 
 
 ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
@@ -130,8 +130,10 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
         raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
     places = by_id[effect_id].places(arm)
     if place and place not in places:
-        own = [f"{place} is {at}" for at, joint in zip(arm.link_places, arm.links, strict=True) if joint.name == place]
-        raise UnknownName(f"place of effect {effect_id}", place, places, "".join(own))
+        other_places = [
+            f"{place} is {at}" for at, joint in zip(arm.link_places, arm.links, strict=True) if joint.name == place
+        ]
+        raise UnknownName(f"place of effect {effect_id}", place, places, "".join(other_places))
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 
 

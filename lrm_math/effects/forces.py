@@ -93,8 +93,8 @@ class Mass(_BodyError):
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Mass and centre of mass; a link is not lighter than nothing, nor twice as heavy as it was weighed."""
-        own = self.arm.bodies_outwards[self.bodies[0]].mass or None
-        return (Parameter("mass_g", "error of the mass of the link", 0.03, usual=own, largest=own), *CENTRE_OF_MASS)
+        mass = self.arm.bodies_outwards[self.bodies[0]].mass or None
+        return (Parameter("mass_g", "error of the mass of the link", 0.03, usual=mass, largest=mass), *CENTRE_OF_MASS)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -189,5 +189,5 @@ class Gravity(Effect):
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Gravity's direction must not be known."""
-        known = excitation.poses.gravity is not None
-        return "gravity's direction was measured at every pose (gx, gy, gz or roll, pitch)" if known else None
+        gravity_known = excitation.poses.gravity is not None
+        return "gravity's direction was measured at every pose (gx, gy, gz or roll, pitch)" if gravity_known else None

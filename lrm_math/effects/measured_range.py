@@ -74,14 +74,14 @@ class UnmeasuredAngles:
         """(N, n), standard deviations of the joints' errors at commands q (N, n) (rad): zero where they were measured,
         larger between, `sd` far beyond."""
         columns = zip(q.T, self.measured, self.sd, strict=True)
-        spread = [sd * np.sqrt(_left_open(angle, np.array(known))) for angle, known, sd in columns]
+        spread = [sd * np.sqrt(_left_open(angle, np.array(measured))) for angle, measured, sd in columns]
         return np.asarray(np.stack(spread, axis=1))
 
 
-def _left_open(angle: Array, known: Array) -> Array:
+def _left_open(angle: Array, measured: Array) -> Array:
     """(N,), share of the process's variance that is left at angles (rad) when it is known at others."""
-    between = np.asarray(correlation(np.abs(angle[:, None] - known)))
-    told = np.linalg.solve(np.asarray(correlation(np.abs(known[:, None] - known))), between.T).T
+    between = np.asarray(correlation(np.abs(angle[:, None] - measured)))
+    told = np.linalg.solve(np.asarray(correlation(np.abs(measured[:, None] - measured))), between.T).T
     return np.asarray(np.clip(1.0 - (between * told).sum(axis=1), 0.0, 1.0))
 
 

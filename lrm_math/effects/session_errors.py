@@ -199,14 +199,14 @@ class DriftCurve(_SessionError, LinearEffect):
         """
         last = log1p(LONGEST_S / FAST_S)
         start = cubic_b_splines(0.0, 0.0, last, SPACING) if self.place == FRAME_PLACE else (0.0,) * _COUNT
-        found: Amounts = ()
+        amounts: Amounts = ()
         for time in (poses.running, poses.t):
             if time is None or (time is poses.t and poses.session is None and poses.running is not None):
-                found += (0.0,) * _COUNT
+                amounts += (0.0,) * _COUNT
             else:
                 splines = cubic_b_splines(np.log1p(np.maximum(time, 0.0) / FAST_S), 0.0, last, SPACING)
-                found += tuple(spline - begin for spline, begin in zip(splines, start, strict=True))
-        return separately([found] * len(self.targets))
+                amounts += tuple(spline - begin for spline, begin in zip(splines, start, strict=True))
+        return separately([amounts] * len(self.targets))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Times must be known."""
@@ -250,8 +250,10 @@ class Session(_SessionError, LinearEffect):
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """One in the poses of the parameter's session, counted from the first in the data; the last holds the rest."""
         number, later = poses.power_cycle, range(1, MOST_SESSIONS)
-        now = [0.0 if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later]
-        return separately([tuple(now)] * len(self.targets))
+        in_session = [
+            0.0 if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later
+        ]
+        return separately([tuple(in_session)] * len(self.targets))
 
 
 def _displacement(symbol: str, meaning: str, unit: str) -> Parameter:

@@ -226,8 +226,8 @@ class TouchedPoint(Effect):
         """(N,), one at the poses that touched at this placement, else zero."""
         if poses.placement is None:
             return 0.0
-        found: Number = (poses.placement == int(self.place.removeprefix("placement"))).astype(float)
-        return found
+        at_placement: Number = (poses.placement == int(self.place.removeprefix("placement"))).astype(float)
+        return at_placement
 
 
 class TouchedBoard(TouchedPoint):

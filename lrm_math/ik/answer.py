@@ -220,8 +220,8 @@ class Solved(_Reply):
         error = f"{1e3 * self.predicted_error:.2g} mm"
         sure = "" if self.sd is None else f" ± {1e3 * self.sd:.2f} mm"
         counts = "" if self.rounded is None else f", {1e3 * self.rounded.error:.2f} mm after rounding to counts"
-        found = _counted(self.branches)
-        return f"solved by {self.method}: {angles} deg; predicted error {error}{sure}{counts}; {found}"
+        words = _counted(self.branches)
+        return f"solved by {self.method}: {angles} deg; predicted error {error}{sure}{counts}; {words}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

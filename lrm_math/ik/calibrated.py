@@ -155,11 +155,11 @@ class CalibratedSolver:
     ) -> CalibratedReply:  # fmt: skip
         """The first command that is allowed and settles, or why there is none."""
         asked: dict[str, Any] = {"goal": query.goal, "method": method.name}
-        found = method.find(self.arm, query, check_cancelled)
-        if isinstance(found, NotConverged):
-            return found
-        found = found or IkSolutions((), 0)
-        order = self._ordered(query, found)
+        solutions = method.find(self.arm, query, check_cancelled)
+        if isinstance(solutions, NotConverged):
+            return solutions
+        solutions = solutions or IkSolutions((), 0)
+        order = self._ordered(query, solutions)
         if allowed is not None and order:
             free = allowed(query, order)
             if not free.any():
@@ -169,9 +169,9 @@ class CalibratedSolver:
             tool = self.arm.tool_at(query.payload, branch.q, branch, branch.slots)
             if tool is not None:
                 best_first = (branch, *order[:k], *order[k + 1 :])
-                how: dict[str, Any] = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
+                how: dict[str, Any] = {"branches": best_first, "steps": solutions.steps, "cube_error": solutions.error}
                 return Solved(**asked, **how, **self._prediction(query, branch, tool, rounding))
-        beyond = tuple(found.beyond)
+        beyond = tuple(solutions.beyond)
         closest = nearest(self.arm, query, tuple(branch.q for branch in beyond))
         violation = self.arm.limits.violation(beyond[0].q) if beyond else None
         return Unsolved(nearest=closest, beyond=beyond, violation=violation, **asked)
@@ -196,10 +196,10 @@ class CalibratedSolver:
     def _angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
         return None if q is None else checked_angles(name, q, self.arm.packed.joints)
 
-    def _ordered(self, query: IkQuery, found: IkSolutions) -> list[Branch]:
+    def _ordered(self, query: IkQuery, solutions: IkSolutions) -> list[Branch]:
         """Commands within the limits, best first, each branch once, without the round-off that leads beyond a limit."""
         near, limits = query.near, self.arm.limits
-        commands = sorted(found.within, key=lambda c: -c.margin if near is None else apart(c.q, near))
+        commands = sorted(solutions.within, key=lambda c: -c.margin if near is None else apart(c.q, near))
         return [c._replace(q=limits.clipped(c.q), margin=max(c.margin, 0.0)) for c in distinct(commands)]
 
     def _prediction(self, query: IkQuery, branch: Branch, tool: list[float], rounding: Rounding) -> dict[str, Any]:

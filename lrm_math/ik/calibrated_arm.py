@@ -124,16 +124,16 @@ class CalibratedArm(PackedArm):
     def branches(self, query: IkQuery) -> IkSolutions:
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
         arm, near = self.kernel(query.payload), query.near
-        found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
+        solutions, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
         if self.complete:
-            return IkSolutions(tuple(self._unpacked(found, query)), found.steps)
-        states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
-        return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
+            return IkSolutions(tuple(self._unpacked(solutions, query)), solutions.steps)
+        states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in solutions.at[: solutions.count]]
+        return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), solutions.steps)
 
-    def _unpacked(self, found: KernelFound, query: IkQuery) -> list[Branch]:
+    def _unpacked(self, solutions: KernelFound, query: IkQuery) -> list[Branch]:
         """The kernel's solutions."""
         n, V, out = self.packed.joints, self.packed.slots, []
-        for at in found.at[: found.count]:
+        for at in solutions.at[: solutions.count]:
             detours = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
             free = at.free if query.goal.constraints >= n and 0.0 <= at.slope < ALIGNED else None
             side, slots = tuple(at.side[:n]), tuple(at.slots[:V])
@@ -170,8 +170,8 @@ class CalibratedArm(PackedArm):
                 break
         if not np.isfinite(q).all():
             return []
-        found = self.branch(q, slots, tuple(side.astype(int).tolist()), tuple((np.flatnonzero(detour) + 1).tolist()))
-        return [found._replace(friction=query.friction(q, side))]
+        branch = self.branch(q, slots, tuple(side.astype(int).tolist()), tuple((np.flatnonzero(detour) + 1).tolist()))
+        return [branch._replace(friction=query.friction(q, side))]
 
     def branch(self, q: Array, slots: Array, direction: tuple[int, ...], detours: tuple[int, ...] = ()) -> Branch:
         """A command (n,) with its slot amounts (V,)."""
@@ -248,18 +248,18 @@ def commands(arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
     """
     if not arm.library.reach_ball.contains(query.goal.position):
         return None
-    found = arm.branches(query)
-    if not found.within:
-        more = _from_elsewhere(arm, query, found)
-        found = replace(found, commands=tuple(distinct([*more, *found.commands])))
-    return found if found.commands else None
+    branches = arm.branches(query)
+    if not branches.within:
+        more = _from_elsewhere(arm, query, branches)
+        branches = replace(branches, commands=tuple(distinct([*more, *branches.commands])))
+    return branches if branches.commands else None
 
 
-def _from_elsewhere(arm: CalibratedArm, query: IkQuery, found: IkSolutions) -> list[Branch]:
+def _from_elsewhere(arm: CalibratedArm, query: IkQuery, solutions: IkSolutions) -> list[Branch]:
     """Newton's method from the nearest command to the goal, or else from the nominal arm's branches."""
     out: list[Branch] = []
     with suppress(LrmError):
-        closest = nearest(arm, query, tuple(command.q for command in found.beyond))
+        closest = nearest(arm, query, tuple(command.q for command in solutions.beyond))
         if closest.error <= REACHED:
             out = _from_commands(arm, query, [closest.q])
     branches = () if out else arm.nominal_solver.branches(query.goal, query.near)
@@ -281,14 +281,14 @@ def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...],
 
     Raises `LrmError`: the arm does not settle anywhere near.
     """
-    found = arm.kernel(query.payload).nearest(query.goal, starts)
-    if found is not None:
+    result = arm.kernel(query.payload).nearest(query.goal, starts)
+    if result is not None:
         with suppress(NoEquilibrium):
-            q = np.array([found[0]])
+            q = np.array([result[0]])
             side = np.zeros_like(q) if query.near is None else np.sign(q - query.near)
             friction = None if query.motion is None else np.array([query.friction(q[0], side[0])])
             settled = solve_equilibrium(arm.model, poses_of(q, query.payload, side, friction))
-            return Nearest.at(found[0], query.goal, frames(arm.model.chain, settled.slots, 1)[0, -1])
+            return Nearest.at(result[0], query.goal, frames(arm.model.chain, settled.slots, 1)[0, -1])
     load = f" with {1e3 * query.payload:.0f} g" if query.payload else ""
     raise LrmError(f"the arm comes to rest in no pose near this goal{load}: too much load, or wrong compliances")
 
@@ -308,8 +308,8 @@ def initial_guesses(arm: CalibratedArm, query: IkQuery) -> Iterator[Array]:
             yield np.array(branch.q)
         if branches:
             break
-    found = arm.library.tcp[:, :3, 3] - query.goal.position
-    for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
+    offsets = arm.library.tcp[:, :3, 3] - query.goal.position
+    for row in np.argsort(np.linalg.norm(offsets, axis=1))[:16]:
         yield arm.library.q[row]
 
 

@@ -91,8 +91,8 @@ class Cube:
         """The best of the cube refined by Newton, and all other branches."""
         check_cancelled()
         others = commands(arm, query)
-        known = [] if others is None else [command.q for command in others.within]
-        result = self.search(arm, query, known, check_cancelled)
+        commands_before = [] if others is None else [command.q for command in others.within]
+        result = self.search(arm, query, commands_before, check_cancelled)
         if result is None:
             return others
         polished = tuple(arm.at_goal(query, result.slots))
@@ -101,16 +101,16 @@ class Cube:
         return replace(others, commands=(*polished, *others.commands), error=result.error)
 
     def search(
-        self, arm: CalibratedArm, query: IkQuery, known: Sequence[tuple[float, ...]] = (),
+        self, arm: CalibratedArm, query: IkQuery, commands_before: Sequence[tuple[float, ...]] = (),
         check_cancelled: CancellationCheck = uncancelled,
     ) -> CubeResult | None:  # fmt: skip
         """The best of the cubes; None where the arm does not settle or the nominal inverse has no solution.
 
-        `known`: commands (rad) known to reach the goal; see the class. `check_cancelled`: called before each cube; what
-        it raises ends the search, which may take seconds on a small board.
+        `commands_before`: commands (rad) known to reach the goal; see the class. `check_cancelled`: called before each
+        cube; what it raises ends the search, which may take seconds on a small board.
         """
         best: CubeResult | None = None
-        for start in itertools.islice(_starts(arm, query, known), self.guesses):
+        for start in itertools.islice(_starts(arm, query, commands_before), self.guesses):
             result = self._search_from(arm, query, start, check_cancelled)
             best = result if best is None or (result is not None and result.error < best.error) else best
             if best is not None and best.error <= self.width:
@@ -136,10 +136,12 @@ class Cube:
             _, known, _ = kernel.settle(q[None], np.zeros((1, kernel.joints)), here.slots, COARSE)
             target = goal + known[0, 9:] - here.tcp[0, 9:]
             side = self.side * SHRINK**move
-            found = kernel.cube(arm.nominal_solver.packed, centre, side, self.points, target, COARSE, q, here.slots[0])
-            if found is None:
+            solutions = kernel.cube(
+                arm.nominal_solver.packed, centre, side, self.points, target, COARSE, q, here.slots[0]
+            )
+            if solutions is None:
                 break
-            q, slots = found
+            q, slots = solutions
             here = arm.equilibria(query.payload, q[None], start=slots[None])
             error = math.dist(here.tcp[0, 9:], goal) if len(here.rows) else math.inf
             if not math.isfinite(error) or (best is not None and error >= best.error):
@@ -150,11 +152,11 @@ class Cube:
         return best
 
 
-def _starts(arm: CalibratedArm, query: IkQuery, known: Sequence[tuple[float, ...]]) -> Iterator[Array]:
+def _starts(arm: CalibratedArm, query: IkQuery, commands_before: Sequence[tuple[float, ...]]) -> Iterator[Array]:
     """The first guess; then neighbourhoods of commands known to reach the goal; then the other guesses."""
     guesses = initial_guesses(arm, query)
     yield from itertools.islice(guesses, 1)
-    for q in known:
+    for q in commands_before:
         yield np.round(np.array(q) / REGION) * REGION
     yield from guesses
 
@@ -227,5 +229,5 @@ def method_named(name: str, **options: Any) -> Method:
     """
     if name not in METHODS:
         raise UnknownName("method of inverse kinematics", name, METHODS)
-    own = {field.name for field in fields(METHODS[name])}
-    return METHODS[name](**{key: value for key, value in options.items() if key in own})
+    settings = {field.name for field in fields(METHODS[name])}
+    return METHODS[name](**{key: value for key, value in options.items() if key in settings})

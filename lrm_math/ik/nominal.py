@@ -84,14 +84,14 @@ class NominalSolver(PackedArm):
         """The branches of `solve`, without a diagnosis where there are none."""
         near = None if near is None else checked_angles("near", near, self.packed.joints)
         if goal.rotation is None or self.form is None:
-            found = self._searched(goal, near)
+            branches = self._searched(goal, near)
         else:
-            found = self._closed(goal, near, True)
-        if len(found) < 2:
-            return found
+            branches = self._closed(goal, near, True)
+        if len(branches) < 2:
+            return branches
         if near is None:
-            return tuple(sorted(found, key=MARGIN, reverse=True))
-        return tuple(sorted(found, key=lambda branch: branch.distance(near)))
+            return tuple(sorted(branches, key=MARGIN, reverse=True))
+        return tuple(sorted(branches, key=lambda branch: branch.distance(near)))
 
     @cached_property
     def second_axis(self) -> Vector3:
@@ -138,8 +138,10 @@ class NominalSolver(PackedArm):
         q, margin, kind, towards = Angles(), Margins(), Kinds(), self._middle if near is None else SIX.pack(*near)
         self._nominal(1, goal_numbers(goal), towards, limited, q, kind, margin)
         kinds = enumerate(EIGHT_KINDS.unpack(kind))
-        found = [Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in kinds if free >= 0]
-        return tuple(found)
+        branches = [
+            Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in kinds if free >= 0
+        ]
+        return tuple(branches)
 
     def _branch(self, q: tuple[float, ...]) -> Branch:
         return Branch(q, min(self.limits.margins(q)))
@@ -147,8 +149,8 @@ class NominalSolver(PackedArm):
     def _searched(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
         """Branches by search."""
         n, towards = self.model.arm.dof, near or self.limits.middle
-        found, determined = self.kernel(0.0).search(goal, towards, near, STARTS), goal.constraints >= n
-        within = (at for at in found.at[: found.count] if at.excess <= 0.0)
+        result, determined = self.kernel(0.0).search(goal, towards, near, STARTS), goal.constraints >= n
+        within = (at for at in result.at[: result.count] if at.excess <= 0.0)
         branches = [self._branch(self.limits.clipped(at.q[:n])) for at in within]
         if determined:
             return tuple(branches)
@@ -162,8 +164,8 @@ class NominalSolver(PackedArm):
         else:
             branches = tuple(self._branch(b.q) for b in self._all_round._searched(goal, near))
         ordered = tuple(sorted(branches, key=MARGIN, reverse=True))[:MOST_BEYOND]
-        found = self.kernel(0.0).nearest(goal, [near or self.limits.middle, *(branch.q for branch in ordered)])
-        nearest = None if found is None else Nearest.at(found[0], goal, found[1])
+        result = self.kernel(0.0).nearest(goal, [near or self.limits.middle, *(branch.q for branch in ordered)])
+        nearest = None if result is None else Nearest.at(result[0], goal, result[1])
         if not ordered:
             return NominalAnswer(IkVerdict.OUT_OF_REACH, (), nearest=nearest)
         violation = self.limits.violation(ordered[0].q)

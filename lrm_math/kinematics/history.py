@@ -80,15 +80,15 @@ class Visits:
 
         `chain`: of the nominal arm.
         """
-        known, key = _LOADS.setdefault(self, {}), (chain, tuple(slots))
-        if key not in known:
+        cached, key = _LOADS.setdefault(self, {}), (chain, tuple(slots))
+        if key not in cached:
             arm = self.bore or self.nominal(chain)
             numbers = [arm.chain.index[slot] for slot in slots]
             turned = trig(arm.chain, arm.amounts)
-            found = statics.loads(arm.chain, arm.amounts, turned, arm.bodies, arm.gravity, sorted(numbers))
-            columns = dict(zip(sorted(numbers), found, strict=True))
-            known[key] = np.stack([np.broadcast_to(columns[k], len(self.q)) for k in numbers], axis=1)
-        return known[key]
+            loads_now = statics.loads(arm.chain, arm.amounts, turned, arm.bodies, arm.gravity, sorted(numbers))
+            columns = dict(zip(sorted(numbers), loads_now, strict=True))
+            cached[key] = np.stack([np.broadcast_to(columns[k], len(self.q)) for k in numbers], axis=1)
+        return cached[key]
 
     def nominal(self, chain: Chain) -> LoadedArm:
         """The nominal arm at all visits."""
@@ -200,10 +200,10 @@ def first_order_lag(
     step, there = np.where(visits.begins, rest, visits.step), (1.0 - late) * visits.step
     last = np.where(visits.begins, step, np.where(np.real(stood) < np.real(there), stood, there))
     kept, after = np.exp(-step / constant), np.exp(-last / constant)
-    own, going_on = 1.0 - after, np.where(visits.begins, 0.0, kept)
+    gained, going_on = 1.0 - after, np.where(visits.begins, 0.0, kept)
     begun = np.where(visits.begins, kept * start, (after - kept) * np.append(start, driver)[:-1])
-    memory = _recurrence(going_on, begun + own * driver, start)
-    return begun + going_on * np.append(start, memory)[:-1], own
+    memory = _recurrence(going_on, begun + gained * driver, start)
+    return begun + going_on * np.append(start, memory)[:-1], gained
 
 
 def _recurrence(factor: Array, added: Array, start: float) -> Array:
@@ -220,5 +220,5 @@ def _recurrence(factor: Array, added: Array, start: float) -> Array:
 
 def lag_state(visits: Visits, driver: Array, start: float, *shapes: float) -> Array:
     """(M,), the memory of a `first_order_lag` at the end of each visit; arguments as there."""
-    past, own = first_order_lag(visits, driver, start, *shapes)
-    return np.asarray(past + own * driver)
+    past, gained = first_order_lag(visits, driver, start, *shapes)
+    return np.asarray(past + gained * driver)

@@ -96,8 +96,8 @@ def motions(q: Array, start: Array | None, gap: NDArray[np.bool_] | None = None)
 
 def recorded(q: Array, start: Array | None, gap: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
     """Sign of each joint's last move (N, n), and states of friction (N, n, K), at poses (N, n); see `motions`."""
-    found = [*motions(q, start, gap)]
-    side = [record.side for record in found]
-    friction = [record.friction for record in found]
+    recorded_motions = [*motions(q, start, gap)]
+    side = [record.side for record in recorded_motions]
+    friction = [record.friction for record in recorded_motions]
     n = q.shape[1]
     return np.array(side).reshape(-1, n), np.array(friction).reshape(-1, n, len(TRAVELS_DEG))

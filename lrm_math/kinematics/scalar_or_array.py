@@ -59,6 +59,6 @@ def linear_combination(p: Sequence[Number], basis: Sequence[tuple[Number, ...]],
 def _sum_of_products(terms: Sequence[tuple[Number, Number]]) -> Number:
     """Σ p_i f_i; of many arrays by numbers as one product."""
     if len(terms) > FEW_TERMS and all(isinstance(p, float) and isinstance(f, np.ndarray) for p, f in terms):
-        found: Number = np.array([p for p, _ in terms]) @ np.array([f for _, f in terms])
-        return found
+        total: Number = np.array([p for p, _ in terms]) @ np.array([f for _, f in terms])
+        return total
     return reduce(operator.add, [p * f for p, f in terms]) if terms else 0.0

@@ -141,8 +141,8 @@ def _each_load(
 def joint_torques(chain: Chain, gravity: Gravity, q: Sequence[float], payload: float) -> list[float]:
     """Gravity's torque (N·m) on every joint of the rigid nominal arm at angles q (rad), with a payload (kg)."""
     values = chain.values(q)
-    found = loads(chain, values, trig(chain, values), weights(chain, payload), gravity, chain.joint_slots)
-    return [float(torque) for torque in found]
+    torques = loads(chain, values, trig(chain, values), weights(chain, payload), gravity, chain.joint_slots)
+    return [float(torque) for torque in torques]
 
 
 def _gravity_outwards(
@@ -221,8 +221,8 @@ def _each_load_derivative(
         np.einsum("jcn,cn->jn", h[:k], u_k, out=out[row, :k])
         np.einsum("cn,jcn->jn", h[k], u[k:], out=out[row, k:])
         if behind.start < k:
-            left = _levers(chain, geometry, behind, m[first] - m[moved[behind]], mc[first] - mc[moved[behind]])
-            out[row, behind] -= np.einsum("cn,jcn->jn", h[k], left)
+            differences = _levers(chain, geometry, behind, m[first] - m[moved[behind]], mc[first] - mc[moved[behind]])
+            out[row, behind] -= np.einsum("cn,jcn->jn", h[k], differences)
     return out
 
 
@@ -242,8 +242,8 @@ def weight_derivatives(
         by_mass, by_com = _each_weight_derivative(chain, geometry, weights, gravity, slots, body)
         return np.concatenate([by_mass[:, None], by_com], axis=1)
 
-    found = np.array(virtual_work(chain, load_slots, alone)).reshape(len(load_slots), 4, -1)
-    return found[:, 0], found[:, 1:]
+    derivatives = np.array(virtual_work(chain, load_slots, alone)).reshape(len(load_slots), 4, -1)
+    return derivatives[:, 0], derivatives[:, 1:]
 
 
 def _each_weight_derivative(

@@ -45,12 +45,12 @@ class Covariance(NamedTuple):
         return Covariance(tuple(self.keys[i] for i in rows), self.matrix[np.ix_(rows, rows)])
 
 
-def drawn_models(model: Model, known: Covariance, count: int, rng: np.random.Generator) -> list[Model]:
+def drawn_models(model: Model, covariance: Covariance, count: int, rng: np.random.Generator) -> list[Model]:
     """Models with parameters drawn from their normal distribution; those with a lower bound stop there."""
-    rows = [model.position(key) for key in known.keys]
+    rows = [model.position(key) for key in covariance.keys]
     least = np.array([model.parameters[row].lower for row in rows])
-    drawn = rng.multivariate_normal(model.values[rows], known.matrix, count, method="eigh")
-    return [model.with_values_of(known.keys, np.maximum(one, least)) for one in drawn]
+    drawn = rng.multivariate_normal(model.values[rows], covariance.matrix, count, method="eigh")
+    return [model.with_values_of(covariance.keys, np.maximum(sample, least)) for sample in drawn]
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,26 @@ class ImplausibleEstimate:
         return f"{self.key} = {size} is not physically plausible; usual is less than {self.usual:.2g} {self.unit}"
 
 
-def implausible_estimates(model: Model, known: Covariance | None) -> tuple[ImplausibleEstimate, ...]:
+def implausible_estimates(model: Model, covariance: Covariance | None) -> tuple[ImplausibleEstimate, ...]:
     """The free parameters of a model whose estimates are surely beyond `Parameter.largest`, by two standard errors.
 
     Free forms and fields are exempt: their coefficients are no physical sizes, and are never called a cause.
-    `known`: the covariance (SI); None: not known, and taken for zero.
+    `covariance`: the covariance (SI); None: not known, and taken for zero.
     """
-    errors = {} if known is None else dict(zip(known.keys, np.sqrt(np.diag(known.matrix)).tolist(), strict=True))
-    found = []
+    errors = (
+        {}
+        if covariance is None
+        else dict(zip(covariance.keys, np.sqrt(np.diag(covariance.matrix)).tolist(), strict=True))
+    )
+    implausible = []
     exempt = {key for effect in model.effects if effect.is_free_form or not effect.names_a_cause for key in effect.keys}
     for key in (key for key in model.free if key not in exempt):
         parameter, value = model.parameter(key), model.value(key)
         sizes = parameter.plausible
         if not sizes.admits(value, errors.get(key, 0.0)):
             scale, unit = IN_DEGREES.get(parameter.unit, (1.0 / parameter.si, parameter.unit.replace("_per_", "/")))
-            found.append(ImplausibleEstimate(key, value * scale, sizes.usual * scale, unit))
-    return tuple(found)
+            implausible.append(ImplausibleEstimate(key, value * scale, sizes.usual * scale, unit))
+    return tuple(implausible)
 
 
 def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:

@@ -120,20 +120,20 @@ def since_power_on(poses: Poses) -> bool:
     return poses.t is not None and (poses.power_cycle is None or not poses.power_cycle.any())
 
 
-def followed_parts(model: Model, now: Poses) -> dict[str, float]:
+def followed_parts(model: Model, poses: Poses) -> dict[str, float]:
     """Differences of constant offsets, springs and gains (SI) from `as_deployed` at one pose, by their keys.
 
     Of what follows the time since power-on, and of what follows what the arm did before (its history has the loads that
     it bore, see `with_borne_loads`). Empty where nothing of the model does, or that is not known.
     """
-    names = followed_effects(model, now)
+    names = followed_effects(model, poses)
     if model.state is None or not names:
         return {}
-    found = Counter(_taken_out(model.state, names))
+    counts = Counter(_taken_out(model.state, names))
     for bound in model.binding.bound:
         if bound.effect.name in names:
-            found.update(lasting_parts(model, bound, now, "last"))
-    return dict(found)
+            counts.update(lasting_parts(model, bound, poses, "last"))
+    return dict(counts)
 
 
 def memorised(model: Model) -> Mapping[str, SessionMemory]:

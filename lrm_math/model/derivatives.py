@@ -64,8 +64,8 @@ class Response:
             settled, model = self.equilibrium, self.equilibrium.model
             args = (model.chain, self.geometry, settled.weights, settled.gravity, model.load_slots, body)
             by_mass, by_com = statics.weight_derivatives(*args)
-            found = np.einsum("kcn,kn->cn", self.loads, by_mass), np.einsum("kcn,kan->acn", self.loads, by_com)
-            self._by_body[body] = found
+            by_weight = np.einsum("kcn,kn->cn", self.loads, by_mass), np.einsum("kcn,kan->acn", self.loads, by_com)
+            self._by_body[body] = by_weight
         return self._by_body[body]
 
     @cached_property
@@ -112,7 +112,7 @@ def _as_measured(settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) 
     """(S, R, N), the Jacobian of what is measured of a rigid arm."""
     chain = settled.model.chain
     tcp = slot_jacobian(chain, geometry)
-    parts = [one.by_slots(settled, geometry, tcp) for one in sensed.measurands]
+    parts = [measurand.by_slots(settled, geometry, tcp) for measurand in sensed.measurands]
     return statics.carried_along(chain, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0])
 
 
@@ -153,10 +153,10 @@ def _by_effect(out: Array, settled: Equilibrium, keys: Sequence[str]) -> Iterato
     """The effects of a model, each with the columns of `out` (P, R, N) that are of its own parameters among `keys`."""
     model, position = settled.model, {key: column for column, key in enumerate(keys)}
     for bound, span in zip(model.binding.bound, model.spans, strict=True):
-        own = {row: position[key] for row, key in enumerate(model.keys[span]) if key in position}
-        if own:
-            rows = bound.by_parameters(settled.poses, settled.tau, [*own])
-            yield bound, list(zip(map(out.__getitem__, own.values()), rows, strict=True))
+        columns = {row: position[key] for row, key in enumerate(model.keys[span]) if key in position}
+        if columns:
+            rows = bound.by_parameters(settled.poses, settled.tau, [*columns])
+            yield bound, list(zip(map(out.__getitem__, columns.values()), rows, strict=True))
 
 
 def effect_columns(
@@ -206,8 +206,8 @@ def _add_responses(columns: Sequence[Column], bound: BoundEffect, response: Resp
 
 def _add_direct(columns: Sequence[Column], bound: BoundEffect, settled: Equilibrium, sensed: Sensed) -> None:
     """Adds to each column (R, N) what an effect does to what is measured beside moving the arm."""
-    for one, rows in sensed.spans(settled.model.arm.dof):
-        one.add_direct([(out[rows], amounts) for out, amounts in columns], bound, settled)
+    for measurand, rows in sensed.spans(settled.model.arm.dof):
+        measurand.add_direct([(out[rows], amounts) for out, amounts in columns], bound, settled)
 
 
 def _add_slot(out: Array, kind: Kind, k: int, amount: Number, response: Response) -> None:

@@ -127,11 +127,11 @@ class BoundEffect:
 
     def _known_basis(self, poses: Poses) -> KnownBasis:
         """The basis of a linear effect that follows from the poses alone, computed once for them and the same range."""
-        known = self.bases.get(poses)
-        if known is None or known.within is not self.within:
-            known = KnownBasis(by_parameters(self.effect, poses, (), self.p, self.within), self.within)
-            self.bases[poses] = known
-        return known
+        basis_known = self.bases.get(poses)
+        if basis_known is None or basis_known.within is not self.within:
+            basis_known = KnownBasis(by_parameters(self.effect, poses, (), self.p, self.within), self.within)
+            self.bases[poses] = basis_known
+        return basis_known
 
     def own_loads(self, tau: Sequence[Number]) -> Amounts:
         """The loads that enter its amounts, from those on `Model.load_slots`."""
@@ -224,17 +224,28 @@ def _returning(bound: Sequence[BoundEffect]) -> Iterator[BoundEffect]:
     reversion = None if within is None else within.reversion
     if within is None or reversion is None or not {*reversion.terms} <= {b.effect.name for b in bound}:
         return
-    for one in bound:
-        changes = [reversion.changes.get(key, 0.0) for key in one.effect.keys]
-        if any(changes) and one.kind in (Kind.MOTION, Kind.LOAD):
-            rows = tuple(k for k in range(len(one.slots)) if not isinstance(one.effect, Offsets) or changes[k])
-            away = tuple(value + change for value, change in zip(one.p, changes, strict=True))
-            effect = ReversionCorrection(
-                one.effect.arm, one.effect.place, one.effect, rows, one.p, away, within, reversion
+    for bound_effect in bound:
+        changes = [reversion.changes.get(key, 0.0) for key in bound_effect.effect.keys]
+        if any(changes) and bound_effect.kind in (Kind.MOTION, Kind.LOAD):
+            rows = tuple(
+                k for k in range(len(bound_effect.slots)) if not isinstance(bound_effect.effect, Offsets) or changes[k]
             )
-            slots = tuple(one.slots[row] for row in rows)
-            encoders = tuple(one.encoders[row] for row in rows)
-            yield replace(one, effect=effect, p=(), slots=slots, encoders=encoders, constant=False, bases=Bases())
+            away = tuple(value + change for value, change in zip(bound_effect.p, changes, strict=True))
+            effect = ReversionCorrection(
+                bound_effect.effect.arm,
+                bound_effect.effect.place,
+                bound_effect.effect,
+                rows,
+                bound_effect.p,
+                away,
+                within,
+                reversion,
+            )
+            slots = tuple(bound_effect.slots[row] for row in rows)
+            encoders = tuple(bound_effect.encoders[row] for row in rows)
+            yield replace(
+                bound_effect, effect=effect, p=(), slots=slots, encoders=encoders, constant=False, bases=Bases()
+            )
 
 
 def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightChange]]:
@@ -288,8 +299,8 @@ def _product(axes: str, position: Sequence[Number]) -> Number:
 
 def anchor_shift(effect: Effect, amounts: Amounts) -> Array:
     """(3,), shift of the fixed point of measured distances (m)."""
-    known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
-    return np.array([float(known.get(axis, 0.0)) for axis in AXES])
+    amount_of = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
+    return np.array([float(amount_of.get(axis, 0.0)) for axis in AXES])
 
 
 def _springs(elastic: Iterable[BoundEffect], moving: Sequence[int], loads: int) -> Array:

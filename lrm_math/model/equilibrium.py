@@ -118,11 +118,11 @@ def solve_equilibrium(
     for k in model.binding.moving:
         first[k] = near[k]
     search = EquilibriumSearch(model, poses, rigid, effect_loads(model, poses), tolerance, preconditioner)
-    found = search.settled(SlotIterate(first, trig(model.chain, first), [], 0))
-    _check_small(model, poses, found.slots, rigid)
-    true = _columns(pull_back(model.chain, found.slots, found.angles), len(poses))
+    settled = search.settled(SlotIterate(first, trig(model.chain, first), [], 0))
+    _check_small(model, poses, settled.slots, rigid)
+    true = _columns(pull_back(model.chain, settled.slots, settled.angles), len(poses))
     measured = _measured(model, poses, true)
-    return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
+    return Equilibrium(model, poses, tuple(settled.slots), tuple(settled.tau), measured, true, settled.number)
 
 
 def with_borne_loads(model: Model, poses: Poses) -> Poses:
@@ -136,18 +136,18 @@ def with_borne_loads(model: Model, poses: Poses) -> Poses:
     visits, order = history.visits, history.order
     if order is None and visits.bore is not None:
         return poses
-    known = history if visits.bore else history.borne_by(visits.nominal(chain_of(model.arm)))
+    loaded_history = history if visits.bore else history.borne_by(visits.nominal(chain_of(model.arm)))
     if order is not None:
-        visited = replace(poses, history=known).take(order)
+        visited = replace(poses, history=loaded_history).take(order)
     else:
         rows = np.arange(len(visits.q))
-        visited = Poses(visits.q, visits.payload, gravity=visits.gravity, history=replace(known, row=rows))
+        visited = Poses(visits.q, visits.payload, gravity=visits.gravity, history=replace(loaded_history, row=rows))
     try:
         settled = solve_equilibrium(model, visited)
     except NoEquilibrium:
-        return replace(poses, history=known)
+        return replace(poses, history=loaded_history)
     arm = LoadedArm(model.chain, settled.slots, settled.weights, settled.gravity)
-    return replace(poses, history=known.borne_by(arm))
+    return replace(poses, history=loaded_history.borne_by(arm))
 
 
 def measured_range(settled: Equilibrium) -> MeasuredRange:

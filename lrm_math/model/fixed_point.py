@@ -102,11 +102,11 @@ class EquilibriumSearch:
         chain, reach = self.model.chain, self.model.binding.reach
         return np.array([reach if chain.slots[k].rotates else 1.0 for k in self.moving])
 
-    def settled(self, now: SlotIterate) -> SlotIterate:
+    def settled(self, iterate: SlotIterate) -> SlotIterate:
         """The iterate at which every pose has settled. Raises `NoEquilibrium`."""
-        amounts, before, relaxed, worst = self._rows([now.slots[k] for k in self.moving]), None, None, 0.0
-        for number in range(now.number + 1, MOST_ITERATIONS + 1):
-            tau, last = self._loads(now), worst
+        amounts, before, relaxed, worst = self._rows([iterate.slots[k] for k in self.moving]), None, None, 0.0
+        for number in range(iterate.number + 1, MOST_ITERATIONS + 1):
+            tau, last = self._loads(iterate), worst
             step = self._bent(tau) - amounts
             change = self._levers @ np.abs(step)
             worst = float(change.max(initial=0.0))
@@ -122,25 +122,25 @@ class EquilibriumSearch:
                 relaxed = Relaxation.after(relaxed, step)
                 step = relaxed.factor * step
             amounts = amounts + step
-            now = self._moved(now, amounts, tau, number)
+            iterate = self._moved(iterate, amounts, tau, number)
             if settled:
-                return now
+                return iterate
             # a Newton-like step shrinks by worst/last, so that the next one will be worst²/last: nothing to wait for
             # below the tolerance
             if self.preconditioner is not None and worst * worst <= MARGIN * self.tolerance * last:
-                return replace(now, tau=self._loads(now))
+                return replace(iterate, tau=self._loads(iterate))
             if number >= ACCELERATED_ITERATIONS and len(self.poses) > 1:
                 slow = np.flatnonzero(change > self.tolerance)
                 if len(slow) <= FEW * len(self.poses):
-                    return self._with_slow(now, slow)
+                    return self._with_slow(iterate, slow)
         diverging = np.flatnonzero(~(change <= self.tolerance))
-        left = f"after {number} iterations the TCP still moves {worst * 1e3:.3g} mm"
-        raise NoEquilibrium(self.poses.names(diverging), left)
+        remaining_motion = f"after {number} iterations the TCP still moves {worst * 1e3:.3g} mm"
+        raise NoEquilibrium(self.poses.names(diverging), remaining_motion)
 
-    def _loads(self, now: SlotIterate) -> list[Number]:
+    def _loads(self, iterate: SlotIterate) -> list[Number]:
         """Loads on the model's `load_slots`, those included that effects put on them."""
         model = self.model
-        tau = statics.loads(model.chain, now.slots, now.angles, self._weights, self._gravity, model.load_slots)
+        tau = statics.loads(model.chain, iterate.slots, iterate.angles, self._weights, self._gravity, model.load_slots)
         return [load + self.applied.get(k, 0.0) for k, load in zip(model.load_slots, tau, strict=True)]
 
     def _bent(self, tau: list[Number]) -> Array:
@@ -163,9 +163,9 @@ class EquilibriumSearch:
             row[:] = amount
         return out
 
-    def _moved(self, now: SlotIterate, amounts: Array, tau: list[Number], number: int) -> SlotIterate:
+    def _moved(self, iterate: SlotIterate, amounts: Array, tau: list[Number], number: int) -> SlotIterate:
         """The iterate with the moving slots at other amounts (M, N)."""
-        slots, angles = list(now.slots), list(now.angles)
+        slots, angles = list(iterate.slots), list(iterate.angles)
         for k, amount in zip(self.moving, amounts[:, 0].tolist() if amounts.shape[1] == 1 else amounts, strict=True):
             slots[k] = amount
             if self.model.chain.slots[k].rotates:
@@ -174,7 +174,7 @@ class EquilibriumSearch:
             angles[k] = trig_of(slots[k] + ratio * slots[leader])
         return SlotIterate(slots, angles, tau, number)
 
-    def _with_slow(self, now: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:
+    def _with_slow(self, iterate: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:
         """The settled poses, and the slow ones settled alone."""
         poses = replace(self.poses, number=np.array(self.poses.names(np.arange(len(self.poses))))).take(slow)
 
@@ -187,13 +187,13 @@ class EquilibriumSearch:
             return whole
 
         applied = dict(zip(self.applied, part(self.applied.values()), strict=True))
-        first = part(now.slots)
+        first = part(iterate.slots)
         alone = EquilibriumSearch(self.model, poses, part(self.rigid), applied, self.tolerance)
-        found = alone.settled(SlotIterate(first, trig(self.model.chain, first), [], now.number))
-        slots, tau = list(now.slots), [merged(a, b) for a, b in zip(now.tau, found.tau, strict=True)]
+        settled = alone.settled(SlotIterate(first, trig(self.model.chain, first), [], iterate.number))
+        slots, tau = list(iterate.slots), [merged(a, b) for a, b in zip(iterate.tau, settled.tau, strict=True)]
         for k in self.model.binding.moving:
-            slots[k] = merged(now.slots[k], found.slots[k])
-        return SlotIterate(slots, trig(self.model.chain, slots), tau, found.number)
+            slots[k] = merged(iterate.slots[k], settled.slots[k])
+        return SlotIterate(slots, trig(self.model.chain, slots), tau, settled.number)
 
 
 def amount_at(amount: Number, row: int) -> float:

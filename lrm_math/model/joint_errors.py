@@ -55,13 +55,13 @@ class JointErrorModel:
     @cached_property
     def _loaded(self) -> set[int]:
         """Slots that a load moves, or whose load moves another one; without springs of no compliance."""
-        found: set[int] = set()
+        slots_loaded: set[int] = set()
         for bound in self.model.binding.elastic:
             if isinstance(bound.effect, Spring):
-                found |= {k for k, c in zip(bound.slots, bound.effect.compliances(bound.p), strict=True) if c}
+                slots_loaded |= {k for k, c in zip(bound.slots, bound.effect.compliances(bound.p), strict=True) if c}
             else:
-                found |= {*bound.slots, *(self.model.load_slots[i] for i in bound.loads)}
-        return found
+                slots_loaded |= {*bound.slots, *(self.model.load_slots[i] for i in bound.loads)}
+        return slots_loaded
 
     @cached_property
     def constants(self) -> Array:
@@ -156,8 +156,8 @@ class JointErrorModel:
 
     def total_loads(self, tau: Array, applied: dict[int, Number]) -> list[Number]:
         """Loads on `model.load_slots`, floats for one pose: gravity's (K, V) and those that effects put on slots."""
-        one = len(tau) == 1
-        rows: list[Number] = [0.0 if v is None else float(tau[0, v]) if one else tau[:, v] for v in self._load_rows]
+        single = len(tau) == 1
+        rows: list[Number] = [0.0 if v is None else float(tau[0, v]) if single else tau[:, v] for v in self._load_rows]
         return [load + applied.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
 
     def _responses(

@@ -22,7 +22,7 @@ def lasting_parts(model: Model, bound: BoundEffect, poses: Poses, state: Carried
 
     The response to the load of the pose itself is a spring, on average; what grows with the angle is a gain.
     """
-    left, unloaded = defaultdict[str, float](float), tuple(0.0 for _ in bound.loads)
+    lasting, unloaded = defaultdict[str, float](float), tuple(0.0 for _ in bound.loads)
     poses = replace(poses, q=np.zeros_like(poses.q))
 
     def kept(amount: Number) -> float:
@@ -31,17 +31,17 @@ def lasting_parts(model: Model, bound: BoundEffect, poses: Poses, state: Carried
 
     slots = [model.chain.slots[k] for k in bound.slots]
     for slot, amount in zip(slots, bound.at(poses, unloaded), strict=True):
-        left[_offset_key(model, slot)] += kept(amount)
+        lasting[_offset_key(model, slot)] += kept(amount)
     for i, rows in zip(bound.loads, bound.by_loads(poses, unloaded), strict=True):
         for k, slot, response in zip(bound.slots, slots, rows, strict=True):
             if k == model.load_slots[i]:
-                left[_spring_key(model, slot)] += float(np.mean(response))
+                lasting[_spring_key(model, slot)] += float(np.mean(response))
     for joint, rows in enumerate(bound.by_angles(poses, unloaded)):
         for slot, gain in zip(slots, rows, strict=True):
             if slot.joint == joint:
                 for key in ServoGain(model.arm, slot.place).keys:
-                    left[key] += kept(gain)
-    return {key: amount for key, amount in left.items() if key and amount}
+                    lasting[key] += kept(gain)
+    return {key: amount for key, amount in lasting.items() if key and amount}
 
 
 def _spring_key(model: Model, slot: Slot) -> str:

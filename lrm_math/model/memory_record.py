@@ -26,7 +26,7 @@ SETTLED, MOST_LOADS = 1e-10, 12
 
 def nothing_known(memory: Mapping[str, SessionMemory]) -> MemoryState:
     """Memory of an arm of which nothing is known: as it was in the session of its model, on average."""
-    return _likely({name: (one.mean, one.sd) for name, one in memory.items()})
+    return _likely({name: (memory_state.mean, memory_state.sd) for name, memory_state in memory.items()})
 
 
 def when_powered(model: Model, memory: Mapping[str, SessionMemory], q: Array, payload: float) -> MemoryState:
@@ -35,10 +35,15 @@ def when_powered(model: Model, memory: Mapping[str, SessionMemory], q: Array, pa
     The mean of both has the least expected squared error where nothing tells which it was.
     model: of the deployed arm with its effects with a memory (`as_deployed_with`).
     """
-    rested = MemoryState({name: (0.0,) * len(one.mean) for name, one in memory.items()})
+    rested = MemoryState({name: (0.0,) * len(memory_state.mean) for name, memory_state in memory.items()})
     stood = after_stand(model, rested, q, payload, LONG_S).now
     effects = {effect.name: effect for effect in model.effects if isinstance(effect, EffectWithMemory)}
-    return _likely({name: effects[name].when_powered(stood[name], one.mean, one.sd) for name, one in memory.items()})
+    return _likely(
+        {
+            name: effects[name].when_powered(stood[name], memory_state.mean, memory_state.sd)
+            for name, memory_state in memory.items()
+        }
+    )
 
 
 def _likely(states: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]) -> MemoryState:
@@ -61,8 +66,8 @@ def after_stand(
     """
     load = np.array([payload])
     stand = Visits(q[None], load, np.array([seconds]), np.array([True]), start=start)
-    now, *others = (_held(model, replace(stand, begun=one)) for one in (before.now, *before.or_else))
-    return MemoryState(now, tuple(others))
+    current, *others = (_held(model, replace(stand, begun=begun)) for begun in (before.now, *before.or_else))
+    return MemoryState(current, tuple(others))
 
 
 def _held(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:
@@ -72,12 +77,12 @@ def _held(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:
     for _ in range(MOST_LOADS):
         poses = with_borne_loads(model, poses)
         assert poses.history is not None
-        found = _memory(model, poses.history.visits)
-        numbers = [x for memory in found.values() for x in memory]
+        memory_found = _memory(model, poses.history.visits)
+        numbers = [x for memory in memory_found.values() for x in memory]
         if before and np.abs(np.subtract(numbers, before)).max(initial=0.0) < SETTLED:
             break
         before = numbers
-    return found
+    return memory_found
 
 
 def _memory(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:

@@ -256,8 +256,8 @@ def load_model(file: str | Path, catalogue: tuple[type[Effect], ...] = CATALOGUE
 
 def settings_of_model(file: str | Path) -> ServoSettings | None:
     """Settings of the servos that a model was measured with; None: not known. Raises `FileError`."""
-    known = read_toml(Path(file), ModelFile).provenance
-    return None if known is None else known.servos
+    provenance = read_toml(Path(file), ModelFile).provenance
+    return None if provenance is None else provenance.servos
 
 
 def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Covariance | None:
@@ -282,8 +282,8 @@ def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | N
 
 def arm_mismatch(tables: ModelFile, arm: Arm) -> str:
     """Words for an arm that is not the one of the fit, whatever it is called; none if it is, or nobody knows."""
-    known = None if tables.provenance is None else tables.provenance.arm_sha256
-    if known in (None, arm_sha256(arm)):
+    arm_hash = None if tables.provenance is None else tables.provenance.arm_sha256
+    if arm_hash in (None, arm_sha256(arm)):
         return ""
     return f"{arm.name} is not as it was when the model was fitted: {WHAT_COUNTS} differ"
 
@@ -314,9 +314,9 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
         raise FileError(path, where, str(error), _own_effects(tables) if where == "effects" else "") from None
     shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
     free = tuple(key for key in model.keys if key in values and key not in shape)
-    known = None if tables.provenance is None else tables.provenance.data_sha256
+    data_hash = None if tables.provenance is None else tables.provenance.data_sha256
     within, state = _range_of(path, tables.range, model), _state_of(path, tables.deployed, model)
-    return replace(model, free=free, within=within, fitted_to=known, state=state)
+    return replace(model, free=free, within=within, fitted_to=data_hash, state=state)
 
 
 def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAfterSession | None:
@@ -335,10 +335,15 @@ def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAft
         for name in table.warming_rad or {}:
             if name not in laws:
                 raise UnknownName("joint's drift of this model", name, laws)
-        for key in (*table.offsets, *(key for one in (table.memory or {}).values() for key in one.offsets)):
+        for key in (
+            *table.offsets,
+            *(key for memory_table in (table.memory or {}).values() for key in memory_table.offsets),
+        ):
             if key not in every:
                 raise UnknownName("offset", key, every)
-        memory = {name: _memory_of(name, one, model, every) for name, one in (table.memory or {}).items()}
+        memory = {
+            name: _memory_of(name, memory_table, model, every) for name, memory_table in (table.memory or {}).items()
+        }
     except LrmError as error:
         raise FileError(path, "deployed", str(error)) from None
     return StateAfterSession(table.carried, _in_si(table.offsets, every), table.warming_rad or {}, memory)
@@ -346,10 +351,10 @@ def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAft
 
 def _memory_of(name: str, table: MemoryTable, model: Model, every: Mapping[str, Parameter]) -> SessionMemory:
     """Memory of an effect by name. Raises `LrmError`: an effect that has none, or of another number of numbers."""
-    known = {effect.name: effect for effect in model.effects if isinstance(effect, EffectWithMemory)}
-    if name not in known:
-        raise UnknownName("effect with a memory of this model", name, [*known])
-    size = known[name].memories
+    by_name = {effect.name: effect for effect in model.effects if isinstance(effect, EffectWithMemory)}
+    if name not in by_name:
+        raise UnknownName("effect with a memory of this model", name, [*by_name])
+    size = by_name[name].memories
     if not len(table.mean) == len(table.sd) == size:
         raise LrmError(f"memory of {name}: {len(table.mean)} and {len(table.sd)} numbers; should be {size} each")
     return SessionMemory(_in_si(table.offsets, every), tuple(table.mean), tuple(table.sd))
@@ -370,8 +375,8 @@ def deployed_table(model: Model) -> DeployedTable | None:
 
     state = model.state
     memory = {
-        name: MemoryTable(offsets=stated(one.parts), mean=list(one.mean), sd=list(one.sd))
-        for name, one in state.memory.items()
+        name: MemoryTable(offsets=stated(memory_state.parts), mean=list(memory_state.mean), sd=list(memory_state.sd))
+        for name, memory_state in state.memory.items()
     }
     return DeployedTable(
         carried=dict(state.carried), offsets=stated(state.offsets), warming_rad=dict(state.warming) or None,
@@ -443,13 +448,13 @@ def _reversion_of(path: Path, table: ReversionTable | None, model: Model) -> Rev
         return None
     names, joints = [effect.name for effect in model.effects], model.arm.joint_names
     try:
-        for known, what, given in (
+        for reversion, what, given in (
             (names, "effect of this model", table.terms),
             (joints, "joint", (*table.below_deg, *table.above_deg)),
             (model.keys, "parameter", table.changes),
         ):
-            if unknown := next((name for name in given if name not in known), None):
-                raise UnknownName(what, unknown, known)
+            if unknown := next((name for name in given if name not in reversion), None):
+                raise UnknownName(what, unknown, reversion)
     except UnknownName as error:
         raise FileError(path, "range.reversion", str(error)) from None
     ends = tuple(
@@ -460,52 +465,52 @@ def _reversion_of(path: Path, table: ReversionTable | None, model: Model) -> Rev
     return Reversion(tuple(table.terms), ends, changes)
 
 
-def _reversion_table(model: Model, known: Reversion | None) -> ReversionTable | None:
-    if known is None:
+def _reversion_table(model: Model, reversion: Reversion | None) -> ReversionTable | None:
+    if reversion is None:
         return None
     below, above = (
         {
             joint: math.degrees(ends[side])
-            for joint, ends in zip(model.arm.joint_names, known.ends, strict=True)
+            for joint, ends in zip(model.arm.joint_names, reversion.ends, strict=True)
             if math.isfinite(ends[side])
         }
         for side in (0, 1)
     )
-    changes = {key: value / model.parameter(key).si for key, value in known.changes.items()}
-    return ReversionTable(terms=[*known.terms], below_deg=below, above_deg=above, changes=changes)
+    changes = {key: value / model.parameter(key).si for key, value in reversion.changes.items()}
+    return ReversionTable(terms=[*reversion.terms], below_deg=below, above_deg=above, changes=changes)
 
 
 def range_table(model: Model) -> RangeTable | None:
     """The `[range]` table of a model, None where it is not known."""
-    known = model.within
-    if known is None:
+    within = model.within
+    if within is None:
         return None
-    far = known.unmeasured
+    far = within.unmeasured
     unit = {slot.key: "Nm" if slot.rotates else "N" for slot in model.chain.slots}
     return RangeTable(
-        joints_deg=[[math.degrees(lower), math.degrees(upper)] for lower, upper in known.angle],
-        payload_g=[1e3 * end for end in known.payload],
-        t_s=None if known.t is None else [*known.t],
-        running_s=None if known.running is None else [*known.running],
-        tcp_mm=None if known.tcp is None else [[1e3 * lower, 1e3 * upper] for lower, upper in known.tcp],
-        centre_mm=None if known.centre is None else [1e3 * value for value in known.centre],
+        joints_deg=[[math.degrees(lower), math.degrees(upper)] for lower, upper in within.angle],
+        payload_g=[1e3 * end for end in within.payload],
+        t_s=None if within.t is None else [*within.t],
+        running_s=None if within.running is None else [*within.running],
+        tcp_mm=None if within.tcp is None else [[1e3 * lower, 1e3 * upper] for lower, upper in within.tcp],
+        centre_mm=None if within.centre is None else [1e3 * value for value in within.centre],
         measured_deg=None
         if far is None
         else [[round(math.degrees(angle), 4) for angle in row] for row in far.measured],
         open_deg=None if far is None else [math.degrees(sd) for sd in far.sd],
-        loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
-        reversion=_reversion_table(model, known.reversion),
+        loads={f"{key}_{unit[key]}": [*ends] for key, ends in within.load.items()},
+        reversion=_reversion_table(model, within.reversion),
         candidates=[*model.candidates] or None,
     )
 
 
 def _own_effects(tables: ModelFile) -> str:
     """Place of a model's own effects, if it has any."""
-    known = tables.provenance
-    if known is None or known.effects_file is None:
+    provenance = tables.provenance
+    if provenance is None or provenance.effects_file is None:
         return ""
-    gone = "" if Path(known.effects_file).exists() else ", which is gone"
-    where = f"{known.effects_file}{gone} (sha256 {known.effects_sha256})"
+    gone = "" if Path(provenance.effects_file).exists() else ", which is gone"
+    where = f"{provenance.effects_file}{gone} (sha256 {provenance.effects_sha256})"
     right = "give that file with --effects-file, in Python as read_study's third argument"
     return f"the model has effects of its own, from {where}; {right}"
 

@@ -75,17 +75,17 @@ class Sensed:
 
     def rows(self, dof: int) -> int:
         """Number of rows R of one pose."""
-        return sum(one.rows(dof) for one in self.measurands)
+        return sum(measurand.rows(dof) for measurand in self.measurands)
 
     def spans(self, dof: int) -> list[tuple[Measurand, slice]]:
         """Each measurand, and its rows."""
         end = 0
-        return [(one, slice(end, end := end + one.rows(dof))) for one in self.measurands]
+        return [(measurand, slice(end, end := end + measurand.rows(dof))) for measurand in self.measurands]
 
     @property
     def names(self) -> frozenset[str]:
         """Names of what is measured."""
-        return frozenset(one.name for one in self.measurands)
+        return frozenset(measurand.name for measurand in self.measurands)
 
 
 TCP_ONLY = Sensed()

@@ -50,13 +50,14 @@ class StateAfterSession:
     def sentence_with(self, named: Callable[[str], str]) -> str:
         """The sentence with the names of effects as they are to be `named`."""
         by_state = {
-            state: [named(name) for name, one in self.carried.items() if one == state] for state in ("last", "mean")
+            state: [named(name) for name, carried_as in self.carried.items() if carried_as == state]
+            for state in ("last", "mean")
         }
         parts = [f"the {state} state of {', '.join(names)}" for state, names in by_state.items() if names]
         kept = f"The deployed model keeps {' and '.join(parts)}" if parts else ""
         said = [
-            f"Where {known}, {', '.join(map(named, names))} follows it"
-            for known, names in (
+            f"Where {state_words}, {', '.join(map(named, names))} follows it"
+            for state_words, names in (
                 ("the time since power-on is known", self.warming),
                 ("it is known what the arm did before", self.memory),
             )

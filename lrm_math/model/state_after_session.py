@@ -76,17 +76,25 @@ def state_of_arm(
     model = settled.model
     if not any(of_a_session(effect) for effect in model.effects):
         return None
-    known = {**({} if model.state is None else model.state.carried), **(carried or {})}
-    chosen = {effect.name: known.get(effect.name, usually_carried(effect)) for effect in passing_effects(model)}
-    bound = {one.effect.name: one for one in model.binding.bound if one.effect.name in chosen}
-    left = {name: lasting_parts(model, bound[name], settled.poses, chosen[name]) for name in bound}
+    carried_states = {**({} if model.state is None else model.state.carried), **(carried or {})}
+    chosen = {
+        effect.name: carried_states.get(effect.name, usually_carried(effect)) for effect in passing_effects(model)
+    }
+    bound = {
+        bound_effect.effect.name: bound_effect
+        for bound_effect in model.binding.bound
+        if bound_effect.effect.name in chosen
+    }
+    lasting = {name: lasting_parts(model, bound[name], settled.poses, chosen[name]) for name in bound}
     sums = Counter[str]()
-    for amounts in left.values():
+    for amounts in lasting.values():
         sums.update(amounts)
     follow = model.state.warming if warming is None and model.state is not None else warming or ()
-    parts = {name: sum(left[name].values()) for name in follow if name in left}
+    parts = {name: sum(lasting[name].values()) for name in follow if name in lasting}
     memory = {
-        name: SessionMemory(left[name], *found) for name, one in bound.items() if (found := _remembered(settled, one))
+        name: SessionMemory(lasting[name], *remembered)
+        for name, bound_effect in bound.items()
+        if (remembered := _remembered(settled, bound_effect))
     }
     return StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts, memory)
 
@@ -107,7 +115,7 @@ def _rigid_motion(settled: Equilibrium, deployed: Model) -> dict[str, float]:
     Of a law its end counts, as of an arm's: a rover is driven in the frame that the tracker shows last.
     """
     keys = Offsets(deployed.arm, BASE).keys
-    now = solve_equilibrium(deployed, settled.poses, tolerance=CLOSE)
+    settled_now = solve_equilibrium(deployed, settled.poses, tolerance=CLOSE)
     true, seen = list(settled.true_tcp.T), np.zeros_like(settled.true_tcp)
     for bound in settled.model.binding.distorting:
         if of_a_session(bound.effect):
@@ -117,5 +125,5 @@ def _rigid_motion(settled: Equilibrium, deployed: Model) -> dict[str, float]:
             for column, amount in zip(seen.T, distortion(bound, amounts, true), strict=True):
                 column += amount
     seen = seen.reshape(-1)
-    shift, *_ = np.linalg.lstsq(parameter_jacobian(now, keys).reshape(-1, len(keys)), seen, rcond=NO_RANK)
+    shift, *_ = np.linalg.lstsq(parameter_jacobian(settled_now, keys).reshape(-1, len(keys)), seen, rcond=NO_RANK)
     return dict(zip(keys, shift.tolist(), strict=True))

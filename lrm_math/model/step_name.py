@@ -27,8 +27,8 @@ class StepName(NamedTuple):
     @classmethod
     def of_version_1(cls, name: str) -> StepName:
         """From its name in a file of `lrm/model/1`; what is none of the known ones is a kind of its own."""
-        found = VERSION_1.fullmatch(name)
-        return cls(name) if found is None else next(cls(kind, of) for kind, of in found.groupdict().items() if of)
+        match = VERSION_1.fullmatch(name)
+        return cls(name) if match is None else next(cls(kind, of) for kind, of in match.groupdict().items() if of)
 
     @property
     def added(self) -> str:

@@ -28,7 +28,7 @@ def tip_over_angles(settled: Equilibrium, payload: float, vehicle: Vehicle, grav
 def smallest_edge_angle(com: Array, vehicle: Vehicle, gravity: Vector3) -> Array:
     """(N,), rad, of common centres of mass (N, 3), m."""
     corners, down = np.array(vehicle.contacts), np.array(gravity) / np.linalg.norm(gravity)
-    middle, found = corners.mean(axis=0), []
+    middle, angles = corners.mean(axis=0), []
     for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         axis = (there - here) / np.linalg.norm(there - here)
         inward = np.cross(axis, down)
@@ -37,5 +37,5 @@ def smallest_edge_angle(com: Array, vehicle: Vehicle, gravity: Vector3) -> Array
         to_edge = here - com
         to_edge = to_edge - (to_edge @ axis)[:, None] * axis
         across = down - (down @ axis) * axis
-        found.append(np.arctan2(np.cross(to_edge, across) @ axis, to_edge @ across))
-    return np.asarray(np.min(found, axis=0))
+        angles.append(np.arctan2(np.cross(to_edge, across) @ axis, to_edge @ across))
+    return np.asarray(np.min(angles, axis=0))

@@ -87,15 +87,15 @@ def open_covariance(settled: Equilibrium) -> Array:
 
 def _reverted_covariance(settled: Equilibrium, within: MeasuredRange, reversion: Reversion) -> Array:
     """(N, 3, 3), m²: variance of a Gaussian process that is known with the terms, and is without them far away."""
-    left = np.broadcast_to(np.asarray(reversion.share(settled.poses)), len(settled.poses))
-    rows, out = np.flatnonzero(left < 1.0), np.zeros((len(left), 3, 3))
+    share_left = np.broadcast_to(np.asarray(reversion.share(settled.poses)), len(settled.poses))
+    rows, out = np.flatnonzero(share_left < 1.0), np.zeros((len(share_left), 3, 3))
     if len(rows):
         there, poses = replace(settled.model, within=replace(within, reversion=None)), settled.poses.take(rows)
         away = there.with_values_of(
             [*reversion.changes], [there.value(key) + change for key, change in reversion.changes.items()]
         )
         apart = solve_equilibrium(there, poses).true_tcp - solve_equilibrium(away, poses).true_tcp
-        out[rows] = (1.0 - left[rows] ** 2)[:, None, None] * apart[:, :, None] * apart[:, None, :]
+        out[rows] = (1.0 - share_left[rows] ** 2)[:, None, None] * apart[:, :, None] * apart[:, None, :]
     return out
 
 
@@ -147,11 +147,11 @@ def field_speaks(model: Model, covariance: Covariance | None, q: Array) -> NDArr
     field = field_of(model)
     if field is None or covariance is None or not set(field.keys).intersection(covariance.keys):
         return None
-    own, poses, position = field.over(model.within), poses_of(q), {key: k for k, key in enumerate(field.keys)}
+    rows_of_field, poses, position = field.over(model.within), poses_of(q), {key: k for k, key in enumerate(field.keys)}
     rows = [row for row, key in enumerate(covariance.keys) if key in position]
-    known = covariance.matrix[np.ix_(rows, rows)]
+    covariance_of_field = covariance.matrix[np.ix_(rows, rows)]
     columns = [position[covariance.keys[row]] for row in rows]
-    basis, beyond = own.basis(poses, ()), np.array([field.parameters[k].name in BEYOND for k in columns])
+    basis, beyond = rows_of_field.basis(poses, ()), np.array([field.parameters[k].name in BEYOND for k in columns])
     F = np.array([[np.broadcast_to(amount, len(q)) for amount in basis[k]] for k in columns])
-    variance = np.einsum("ian,ij,jan->n", F, known, F)
-    return np.asarray(variance < UNSURE * float(np.diag(known)[beyond].sum()))
+    variance = np.einsum("ian,ij,jan->n", F, covariance_of_field, F)
+    return np.asarray(variance < UNSURE * float(np.diag(covariance_of_field)[beyond].sum()))

@@ -26,41 +26,41 @@ SEEN = 2.0
 """Standard deviations from its mean in the session within which a memory is taken as seen."""
 
 
-def beyond_session(model: Model, now: Poses) -> list[Array]:
+def beyond_session(model: Model, current: Poses) -> list[Array]:
     """(3,), m, of each followed law: from the tip with it at the nearest state that the session had, to the tip now.
 
     The other laws stay at the state that is deployed where they are not followed. Zero where the session had the state
-    of now. `now`: one pose, its history with the loads that it bore (`with_borne_loads`). Raises `NoEquilibrium`.
+    of now. `current`: one pose, its history with the loads that it bore (`with_borne_loads`). Raises `NoEquilibrium`.
     """
-    return [_beyond_session(model, name, now) for name in followed_effects(model, now)]
+    return [_beyond_session(model, name, current) for name in followed_effects(model, current)]
 
 
-def _beyond_session(model: Model, name: str, now: Poses) -> Array:
+def _beyond_session(model: Model, name: str, current: Poses) -> Array:
     deployed = as_deployed_with(model, [name])
-    seen = _with_seen_memory(model, deployed, _with_seen_times(model, name, now))
-    if seen is now:
+    seen = _with_seen_memory(model, deployed, _with_seen_times(model, name, current))
+    if seen is current:
         return np.zeros(3)
-    there, within = (solve_equilibrium(deployed, poses).true_tcp[0] for poses in (now, seen))
+    there, within = (solve_equilibrium(deployed, poses).true_tcp[0] for poses in (current, seen))
     return np.asarray(there - within)
 
 
-def _with_seen_times(model: Model, name: str, now: Poses) -> Poses:
+def _with_seen_times(model: Model, name: str, current: Poses) -> Poses:
     """The pose at the nearest time that was measured, if the law follows the time."""
     if model.within is None or model.state is None or name not in model.state.warming:
-        return now
+        return current
     seen: dict[str, Any] = {}
     for clock, ends in (("t", model.within.t), ("running", model.within.running)):
-        time = getattr(now, clock)
+        time = getattr(current, clock)
         if ends is not None and time is not None and (nearest := np.clip(time, *ends)) != time:
             seen[clock] = nearest
-    return replace(now, **seen) if seen else now
+    return replace(current, **seen) if seen else current
 
 
-def _with_seen_memory(model: Model, deployed: Model, now: Poses) -> Poses:
+def _with_seen_memory(model: Model, deployed: Model, current: Poses) -> Poses:
     """The pose with the nearest memory that the session had, as if it had just come there."""
-    if now.history is None or model.state is None:
-        return now
-    visits, row = now.history.visits, int(now.history.row[0])
+    if current.history is None or model.state is None:
+        return current
+    visits, row = current.history.visits, int(current.history.row[0])
     memory = {
         effect.name: tuple(float(course[row]) for course in effect.memory(visits, p))
         for effect, p in deployed.parts()
@@ -68,11 +68,11 @@ def _with_seen_memory(model: Model, deployed: Model, now: Poses) -> Poses:
     }
     seen = {name: _nearest_seen(model.state.memory[name], numbers) for name, numbers in memory.items()}
     if seen == memory:
-        return now
-    held = Visits(now.q, now.payload, np.zeros(1), np.array([True]), now.gravity, begun=seen)
-    return replace(now, history=History(held, np.array([0])))
+        return current
+    held = Visits(current.q, current.payload, np.zeros(1), np.array([True]), current.gravity, begun=seen)
+    return replace(current, history=History(held, np.array([0])))
 
 
 def _nearest_seen(session: SessionMemory, numbers: tuple[float, ...]) -> tuple[float, ...]:
-    known = zip(numbers, session.mean, session.sd, strict=True)
-    return tuple(min(max(x, mean - SEEN * sd), mean + SEEN * sd) for x, mean, sd in known)
+    visited = zip(numbers, session.mean, session.sd, strict=True)
+    return tuple(min(max(x, mean - SEEN * sd), mean + SEEN * sd) for x, mean, sd in visited)

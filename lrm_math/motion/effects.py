@@ -115,11 +115,11 @@ class SpeedLimit(MotionEffect):
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
         """Rate limiter, the mean over each step."""
         out, most = np.empty_like(u), p[0] * drive.h
-        now = _begun(u[0], drive, p[0] * LAG_S)
+        begun = _begun(u[0], drive, p[0] * LAG_S)
         for k in range(len(u)):
-            step = np.clip(u[k] - now, -most, most)
-            now = now + step
-            out[k] = now - 0.5 * step * np.abs(step) / most  # the mean: it reaches the goal within the step
+            step = np.clip(u[k] - begun, -most, most)
+            begun = begun + step
+            out[k] = begun - 0.5 * step * np.abs(step) / most  # the mean: it reaches the goal within the step
         return out
 
 
@@ -143,10 +143,10 @@ class AccelerationLimit(MotionEffect):
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
         """Trapezoidal profile: time-optimal to the goal of each step, in closed form; the mean over the step."""
         out, a, h = np.empty_like(u), p[0], drive.h
-        now = _begun(u[0], drive, np.abs(drive.speed) * LAG_S + AT_REST)
-        speed = np.broadcast_to(drive.speed, now.shape)
+        begun = _begun(u[0], drive, np.abs(drive.speed) * LAG_S + AT_REST)
+        speed = np.broadcast_to(drive.speed, begun.shape)
         for k in range(len(u)):
-            ahead = u[k] - now
+            ahead = u[k] - begun
             side = np.where(2.0 * a * ahead >= speed * np.abs(speed), 1.0, -1.0)  # else it must brake, or turn back
             v = side * speed
             top = np.sqrt(np.maximum(a * side * ahead + 0.5 * v**2, 0.0))
@@ -157,8 +157,8 @@ class AccelerationLimit(MotionEffect):
             gained, lost = 0.5 * (v + fast) * rising, 0.5 * (fast + after) * falling
             area = 0.5 * v * rising**2 + a * rising**3 / 6.0 + gained * (h - rising)
             area = area + 0.5 * fast * falling**2 - a * falling**3 / 6.0 + lost * (h - rising - falling)
-            out[k] = now + side * area / h
-            now, speed = now + side * (gained + lost), side * after
+            out[k] = begun + side * area / h
+            begun, speed = begun + side * (gained + lost), side * after
         return out
 
 
@@ -406,10 +406,10 @@ class MotionPlay(MotionEffect):
     def reading(self, q: Array, drive: JointDrive, p: Values) -> Array:
         """The joint is carried along by either end of the play."""
         out, half = np.empty_like(q), 0.5 * p[0]
-        now = q[0]
+        read_out = q[0]
         for k in range(len(q)):
-            now = np.clip(now, q[k] - half, q[k] + half)
-            out[k] = now
+            read_out = np.clip(read_out, q[k] - half, q[k] + half)
+            out[k] = read_out
         return out
 
 

@@ -43,18 +43,18 @@ class LinksAlongPath:
         Args:
             soft: the k joints, from 0. omega, ratio: (P, k), rad/s and damping ratio at the mean inertia.
         """
-        own, led = self.inertia[:, :, soft][:, :, :, soft], self.inertia[:, :, soft]
+        springs, led = self.inertia[:, :, soft][:, :, :, soft], self.inertia[:, :, soft]
         stiff, damped = omega**2 * self.mean[soft], 2.0 * ratio * omega * self.mean[soft]
-        pushed = np.linalg.solve(own, led)  # (M, S, k, n)
+        pushed = np.linalg.solve(springs, led)  # (M, S, k, n)
         half = (0.5 * h * damped + 0.25 * h * h * stiff)[None, :, None]  # (1, P, 1, k)
-        inverse = np.linalg.inv(own[:, None] + half[..., None] * np.eye(len(soft)))
+        inverse = np.linalg.inv(springs[:, None] + half[..., None] * np.eye(len(soft)))
         jumps = np.diff(np.diff(servos, axis=0, prepend=servos[:1]), axis=0) / h
         thrown = np.einsum("mskn,mpsn->mpsk", pushed, jumps)
         out = np.zeros((len(servos), *servos.shape[1:3], len(soft)))
         speed, away, pull = np.zeros_like(out[0]), np.zeros_like(out[0]), h * stiff[:, None]
         for k in range(len(jumps)):
             speed = speed - thrown[k]
-            force = (own[k] @ speed[..., None])[..., 0] - half[0] * speed - pull * away
+            force = (springs[k] @ speed[..., None])[..., 0] - half[0] * speed - pull * away
             then = (inverse[k] @ force[..., None])[..., 0]
             away = away + 0.5 * h * (speed + then)
             speed = then

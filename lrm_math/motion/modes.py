@@ -84,11 +84,11 @@ def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None
     root = np.linalg.inv(np.linalg.cholesky(led[:, joints]))
     squares, turned = np.linalg.eigh((root * springs.stiffness) @ root.T)
     phi = root.T @ turned
-    own = np.sqrt(np.maximum(squares, 0.0))
+    frequencies = np.sqrt(np.maximum(squares, 0.0))
     braked = np.sum(phi**2 * springs.damping[:, None], axis=0)
     shape = np.zeros((len(q), len(joints)))
     shape[joints] = phi
-    return Modes(own, braked / (2.0 * own), shape, phi.T @ led)
+    return Modes(frequencies, braked / (2.0 * frequencies), shape, phi.T @ led)
 
 
 def mean_inertia(arm: Arm) -> Array:

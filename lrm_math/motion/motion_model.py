@@ -116,12 +116,12 @@ class MotionFile(StrictSchema):
 def effect_of(arm: Arm, name: str, catalogue: MotionCatalogue = MOTION_EFFECTS) -> MotionEffect:
     """The effect `id@joint`. Raises `UnknownName`."""
     kind, place = EffectRef.parse(name)
-    known = {one.id: one for one in catalogue}
-    if kind not in known:
-        raise UnknownName("effect of motion", kind, list(known))
+    by_id = {kind.id: kind for kind in catalogue}
+    if kind not in by_id:
+        raise UnknownName("effect of motion", kind, list(by_id))
     if place not in arm.joint_names:
         raise UnknownName(f"place of {kind}", place or "", arm.joint_names)
-    return known[kind](arm, place)
+    return by_id[kind](arm, place)
 
 
 def load_motion(path: Path) -> tuple[MotionFile, MotionModel]:
@@ -141,23 +141,23 @@ def motion_of(path: Path, file: MotionFile, arm: Arm) -> MotionModel:
     effects = _effects_of(path, file, arm)
     if file.schema_ == VERSION_1:
         _check_inertia_is_counted_once(path, effects)
-    known = {key: p for effect in effects for key, p in zip(effect.keys, effect.parameters, strict=True)}
+    parameters = {key: p for effect in effects for key, p in zip(effect.keys, effect.parameters, strict=True)}
     for table, numbers in (("parameters", file.parameters), ("sigma", file.sigma)):
         for key in numbers:
-            if key not in known:
-                raise FileError(path, table, f"unknown parameter {key}", f"one of {', '.join(known)}")
-    missing = [key for key, parameter in known.items() if key not in file.parameters and parameter.fixed is None]
+            if key not in parameters:
+                raise FileError(path, table, f"unknown parameter {key}", f"one of {', '.join(parameters)}")
+    missing = [key for key, parameter in parameters.items() if key not in file.parameters and parameter.fixed is None]
     if missing:
         raise FileError(path, "parameters", f"no value of {missing[0]}", "every effect states all of its parameters")
     for key, value in file.parameters.items():
-        if not known[key].lower <= value * known[key].si <= known[key].upper:
-            bounds = f"{known[key].lower / known[key].si:g} to {known[key].upper / known[key].si:g}"
+        if not parameters[key].lower <= value * parameters[key].si <= parameters[key].upper:
+            bounds = f"{parameters[key].lower / parameters[key].si:g} to {parameters[key].upper / parameters[key].si:g}"
             raise FileError(path, "parameters", f"{key} = {value:g}", bounds)
     for key, value in file.sigma.items():
         if value < 0.0:
             raise FileError(path, "sigma", f"{key} = {value:g}", "a standard error is not below zero")
-    values = {key: file.parameters.get(key, p.default / p.si) * p.si for key, p in known.items()}
-    sigma = {key: value * known[key].si for key, value in file.sigma.items()}
+    values = {key: file.parameters.get(key, p.default / p.si) * p.si for key, p in parameters.items()}
+    sigma = {key: value * parameters[key].si for key, value in file.sigma.items()}
     return MotionModel(arm, effects, values, sigma)
 
 

@@ -52,15 +52,15 @@ def one_mode(kind: ShaperKind, frequency: float, damping: float) -> list[tuple[f
 
 def on_ticks(impulses: Sequence[tuple[float, float]], tick: float, whole: int, split: bool) -> Impulses:
     """Impulses (s, share) on a grid of ticks (s); `split`: each between the two ticks beside it, else on the nearer."""
-    found: dict[int, float] = {}
+    by_tick: dict[int, float] = {}
     for seconds, share in impulses:
         at = seconds / tick
         before = int(at) if split else round(at)
         part = at - before if split else 0.0
-        found[before] = found.get(before, 0.0) + (1.0 - part) * share
-        found[before + 1] = found.get(before + 1, 0.0) + part * share
-    delays = sorted(delay for delay, share in found.items() if share * whole >= 1.0)
-    wanted = np.array([found[delay] for delay in delays])
+        by_tick[before] = by_tick.get(before, 0.0) + (1.0 - part) * share
+        by_tick[before + 1] = by_tick.get(before + 1, 0.0) + part * share
+    delays = sorted(delay for delay, share in by_tick.items() if share * whole >= 1.0)
+    wanted = np.array([by_tick[delay] for delay in delays])
     shares = np.floor(wanted / wanted.sum() * whole).astype(int)
     shares[int(np.argmax(shares))] += whole - int(shares.sum())
     return tuple(zip(delays, shares.tolist(), strict=True))

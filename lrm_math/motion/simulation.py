@@ -55,12 +55,12 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     inertia = _unrepeated(np.maximum(inertia, LEAST_INERTIA))  # often one number: one matrix of a step, not thousands
     stiffness, braking = omega**2 / inertia, braking / inertia
     second = next((x for effect, p in pairs if (x := effect.hung(p)) is not None), None)
-    own: tuple[Array, ...] = sprung(stiffness, braking, h)
+    damped: tuple[Array, ...] = sprung(stiffness, braking, h)
     if second is not None:
         step = two_masses(stiffness, braking, (*second[:2], second[2] / inertia), h)
         step = np.broadcast_to(step[:, :, None] if step.ndim < 5 else step, (4, 4, *u.shape))
-        own = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
-    pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in own)
+        damped = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
+    pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in damped)
     blows = stiffness * sum(effect.lead(p) for effect, p in pairs) * np.diff(u, axis=0, prepend=u[:1])
     told = u + yielding * drive.reaction[:, None] + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)

@@ -42,9 +42,9 @@ def swing_along(
     speed, turns = np.zeros_like(z), np.diff(servos, axis=0) / step
     before = np.zeros_like(servos[0])
     for k, turning in enumerate(turns):
-        now = min(k // every, len(led) - 1) if k < length else -1
-        pushed = ((before - turning)[:, None] @ led[now])[:, 0] - stiff * z - braked * speed
-        speed = speed + (pushed[:, :, None] @ inverse[now])[:, :, 0]
+        index = min(k // every, len(led) - 1) if k < length else -1
+        pushed = ((before - turning)[:, None] @ led[index])[:, 0] - stiff * z - braked * speed
+        speed = speed + (pushed[:, :, None] @ inverse[index])[:, :, 0]
         z, before = z + step * speed, turning
         out[k + 1][..., soft] = z
     return out

@@ -51,12 +51,12 @@ def waits_of(model: MotionModel, path: Array, tick: float, frame: float, payload
     fading = modes.damping * modes.omega
     reach = np.linalg.norm(modes.shape.T @ tip_jacobian(model, path[-1]), axis=1)
     weight = reach / np.sqrt(2.0 * fading + 1.0 / REST_S)
-    own = -fading + 2j * np.pi * modes.frequency
+    poles = -fading + 2j * np.pi * modes.frequency
     seconds = np.arange(-most, length + 2 * most + 1) * tick
     phase = (np.arange(PHASES) + 0.5)[:, None] / PHASES * frame
     shown = np.ceil((seconds - phase) / frame) * frame + phase
     end = (length + most) * tick + SOON_S
-    later = np.concatenate([np.exp(factor * own[:, None, None] * (end - shown)) for factor in FREQUENCY_FACTORS])
+    later = np.concatenate([np.exp(factor * poles[:, None, None] * (end - shown)) for factor in FREQUENCY_FACTORS])
     later = later.reshape(-1, len(seconds)).astype(np.complex64)
     swung = (weight[:, None] * (modes.driven @ turns[at - 1].T)).astype(np.float32)
     jolts = np.repeat(np.tile(swung, (len(FREQUENCY_FACTORS), 1)), PHASES, axis=0)
@@ -98,11 +98,11 @@ class _Search:
         return float(np.sum(np.abs(self.fixed + self._each(waited).sum(axis=0)) ** 2))
 
     def _descend(self, waited: NDArray[np.int64]) -> NDArray[np.int64]:
-        left = self._left(waited)
+        residual = self._left(waited)
         for _ in range(PASSES):
             waited = self._shift_alone(self._shift_following(waited))
-            before, left = left, self._left(waited)
-            if left > 0.99 * before:
+            before, residual = residual, self._left(waited)
+            if residual > 0.99 * before:
                 break
         return waited
 

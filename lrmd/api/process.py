@@ -218,16 +218,16 @@ class ApiProcess:
 
     def _follow_gravity(self, now: int) -> None:
         """Adopts another direction of gravity where one is due."""
-        known = self._controller.gravity
-        if not known.due(now):
+        gravity = self._controller.gravity
+        if not gravity.due(now):
             return
-        before, down = known.used, known.adopt(now)
+        before, down = gravity.used, gravity.adopt(now)
         self._model.under_gravity(down)
         self._use_model("the new direction of gravity", now)
         if before is None:
             self._emit("gravity_known", "info", "the arm's model follows the direction of gravity that it is told")
         elif down is None:
-            text = f"no direction of gravity for {known.age_s(now):.0f} s: the model's own is used again"
+            text = f"no direction of gravity for {gravity.age_s(now):.0f} s: the model's own is used again"
             self._emit("gravity_lost", "warning", text)
 
     def _cycle(self, now: int) -> None:
@@ -372,10 +372,10 @@ class ApiProcess:
 
         That takes about a tenth of a second, without the lock.
         """
-        if tail != "rpc/move" or final_leg is None or (known := self._controller.motion) is None:
+        if tail != "rpc/move" or final_leg is None or (motion_model := self._controller.motion) is None:
             return reply
         within = self._config.motion.within_mm * 1e-3
-        usual, sure = known.settling(final_leg)
+        usual, sure = motion_model.settling(final_leg)
         return reply.model_copy(update={"settle_s": usual, "settle_95_s": sure, "within_m": within})
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:

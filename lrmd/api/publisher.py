@@ -150,10 +150,12 @@ class StatePublisher:
 
     def reloaded(self, tail: str, deployed: DeployedModel) -> ReloadReply:
         """The reply to a request that changed the model."""
-        known = deployed.field
+        field_file = deployed.field
         field = None
-        if known is not None:
-            field = FieldPart(effect=marked(known.effect), speaks_share=known.speaks, outside_share=known.outside)
+        if field_file is not None:
+            field = FieldPart(
+                effect=marked(field_file.effect), speaks_share=field_file.speaks, outside_share=field_file.outside
+            )
         return ReloadReply(
             **self._header(tail), model=deployed.path, model_sha256=deployed.sha256,
             left_out=list(deployed.uncompensated),
@@ -164,13 +166,13 @@ class StatePublisher:
 
     @property
     def _motion_model(self) -> str | None:
-        known = self._controller.motion
-        return None if known is None else known.path
+        motion_model = self._controller.motion
+        return None if motion_model is None else motion_model.path
 
     @property
     def _motion_sha256(self) -> str:
-        known = self._controller.motion
-        return "" if known is None else known.sha256
+        motion_model = self._controller.motion
+        return "" if motion_model is None else motion_model.sha256
 
     @property
     def _model_sha256(self) -> str:
@@ -212,22 +214,22 @@ class StatePublisher:
         )  # fmt: skip
 
     def _gravity(self) -> GravityState:
-        known = self._controller.gravity
+        gravity = self._controller.gravity
         return GravityState(
             **self._header("state/gravity"), gravity_m_per_s2=list(self.gravity),
-            source="model" if known.used is None else "told", age_s=known.age_s(time.monotonic_ns()),
+            source="model" if gravity.used is None else "told", age_s=gravity.age_s(time.monotonic_ns()),
         )  # fmt: skip
 
     def _scene(self) -> SceneState:
         now = time.monotonic_ns()
-        found = [
+        obstacles = [
             ObstacleState(
-                name=name, owner=one.owner, age_s=(now - one.at) / SECOND,
-                left_s=None if one.until is None else max(0, one.until - now) / SECOND,
+                name=name, owner=obstacle.owner, age_s=(now - obstacle.at) / SECOND,
+                left_s=None if obstacle.until is None else max(0, obstacle.until - now) / SECOND,
             )
-            for name, one in self._controller.obstacles.known.items()
+            for name, obstacle in self._controller.obstacles.known.items()
         ]  # fmt: skip
-        return SceneState(**self._header("state/scene"), obstacles=found)
+        return SceneState(**self._header("state/scene"), obstacles=obstacles)
 
     def _skill(self) -> SkillState:
         c = self._controller

@@ -58,14 +58,14 @@ class SkillQuestions:
         """A reply of the own ik process, or an error; replies of others are ignored."""
         try:
             if reply.ok is not None:
-                found: KinematicsReply | LrmError = unpack(kind, reply.ok.payload.to_bytes())
-                if isinstance(found, KinematicsReply) and found.boot_id != self._boot_id:
+                reply_message: KinematicsReply | LrmError = unpack(kind, reply.ok.payload.to_bytes())
+                if isinstance(reply_message, KinematicsReply) and reply_message.boot_id != self._boot_id:
                     return
             else:
-                found = _refusal(b"" if reply.err is None else reply.err.payload.to_bytes())
+                reply_message = _refusal(b"" if reply.err is None else reply.err.payload.to_bytes())
         except LrmError as error:
-            found = error
-        self._answered(number, found)
+            reply_message = error
+        self._answered(number, reply_message)
 
 
 def _refusal(data: bytes) -> LrmError:

@@ -21,13 +21,13 @@ def check_start(config: Config) -> str:
     with poses.undo_named():
         deployed, guard = load_checked(config, poses.in_use)
     with moves.undo_named():
-        known = predictor_of(config, moves.in_use)
+        predictor = predictor_of(config, moves.in_use)
     try:
         router(config.zenoh)
         client(own_endpoints(config.zenoh), config.zenoh.config)
     except zenoh.ZError as error:
         raise LrmError(f"zenoh: {in_one_line(error)}") from None
-    motion = "" if known is None else f"; motion model {known.path}, {config.motion.shaping}"
+    motion = "" if predictor is None else f"; motion model {predictor.path}, {config.motion.shaping}"
     model = f"model {deployed.path}" + (f" ({deployed.sha256[:12]})" if deployed.sha256 else "")
     shapes = "" if guard else "; no collision shapes: no move is checked"
     return f"{config.robot}, {config.arm.name}, servos {', '.join(config.names)}; {model}{shapes}{motion}"

@@ -58,13 +58,13 @@ class ZenohServer:
             self._serve(tail, None, partial(self._state, tail), inbox(PLACES), wildcards=True)
         models = inbox(1)
         for tail, kind in REQUESTS.items():
-            own = models if tail in MODELS else inbox(PLACES)
-            self._serve(tail, kind, partial(self._request, tail, own), own)
+            inbox_of_key = models if tail in MODELS else inbox(PLACES)
+            self._serve(tail, kind, partial(self._request, tail, inbox_of_key), inbox_of_key)
         self._serve("rpc/events", None, lambda _: handler.events(), inbox(PLACES))
         for tail, kind in COMMANDS.items():
-            own = inbox(PLACES)
-            take, fail = partial(self._command, tail, own), partial(self._command_failed, tail)
-            subscribe(session, key(robot, tail), kind, take, fail, own)
+            inbox_of_key = inbox(PLACES)
+            take, fail = partial(self._command, tail, inbox_of_key), partial(self._command_failed, tail)
+            subscribe(session, key(robot, tail), kind, take, fail, inbox_of_key)
         self._stand_ins: list[zenoh.Queryable[None]] = []
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 

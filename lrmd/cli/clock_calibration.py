@@ -96,17 +96,17 @@ def calibrate_clock(rover: Rover, servo: str, prompt: Prompt = input, show: Show
     pulse = clocked.put_out(_pulse_s(rover, servo))
     show(f"{servo} gets pulses of {pulse * 1e6:.1f} us every {COUNTS_PER_PERIOD * clocked.count_s * 1e3:.3f} ms, if "
          f"the oscillator has {clocked.configured_hz / 1e6:.4g} MHz as configured.\n{HELP}")  # fmt: skip
-    found = None
-    while found is None:
+    clock = None
+    while clock is None:
         word = _answer(prompt, "measured > ")
         try:
-            found = by_instrument(clocked, pulse, word) if word else _by_protractor(rover, clocked, prompt)
+            clock = by_instrument(clocked, pulse, word) if word else _by_protractor(rover, clocked, prompt)
         except (CalibrationAborted, MotionInterrupted):
             raise
         except LrmError as error:
             show(str(error))
-    show(result_text(clocked, found))
-    return found
+    show(result_text(clocked, clock))
+    return clock
 
 
 _MEASURED = re.compile(r"(\d+(?:\.(\d+))?)\s*(us|µs|ms|hz)(?:\s*(?:\+-|\+/-|±)\s*(\d+(?:\.\d+)?))?", re.IGNORECASE)
@@ -148,23 +148,23 @@ def by_angles(servo: ClockedServo, pulses_s: tuple[float, float], turn: float, e
         low, high = math.degrees(turns[-1]), math.degrees(turns[0])
         text = f"{low:.0f} to {high:.0f} deg; were the angles read in degrees, from one zero?"
         raise LrmError(f"a turn of {math.degrees(turn):.1f} deg is none of this servo between these pulses: {text}")
-    found, fewer, more = np.interp([turn, turn - error, turn + error], turns[::-1], hz[::-1])
-    return Oscillator(float(found), math.hypot(float(fewer - more) / 2, TABLE * float(found)))
+    rates, fewer, more = np.interp([turn, turn - error, turn + error], turns[::-1], hz[::-1])
+    return Oscillator(float(rates), math.hypot(float(fewer - more) / 2, TABLE * float(rates)))
 
 
-def result_text(servo: ClockedServo, found: Oscillator) -> str:
+def result_text(servo: ClockedServo, clock: Oscillator) -> str:
     """Lines that say the oscillator, what it means, and what to do."""
-    zero = math.degrees(servo.angle_at(float(servo.table.pulse_of(0.0)), found.hz))
-    off = servo.configured_hz / found.hz - 1
-    lines = [f"oscillator: {found.hz / 1e6:.3f} +- {found.uncertainty_hz / 1e6:.3f} MHz, configured "
+    zero = math.degrees(servo.angle_at(float(servo.table.pulse_of(0.0)), clock.hz))
+    off = servo.configured_hz / clock.hz - 1
+    lines = [f"oscillator: {clock.hz / 1e6:.3f} +- {clock.uncertainty_hz / 1e6:.3f} MHz, configured "
              f"{servo.configured_hz / 1e6:.4g} MHz: pulses are {abs(off):.1%} too {'long' if off > 0 else 'short'}, "
              f"{servo.name} stands at {zero:+.1f} deg when it is told 0"]  # fmt: skip
-    if abs(found.hz - servo.configured_hz) <= found.uncertainty_hz:
+    if abs(clock.hz - servo.configured_hz) <= clock.uncertainty_hz:
         return "\n".join([*lines, "That is within the uncertainty: leave oscillator_hz as it is."])
     return "\n".join([
         *lines,
         "Put this line into [link] of lrmd.toml in place of the present one:",
-        f"  oscillator_hz = {found.hz / 1e6:.4f}e6",
+        f"  oscillator_hz = {clock.hz / 1e6:.4f}e6",
         "Then lay the arm down, `lrm disarm`, and restart the daemon. Its stored pose is not valid any more.",
     ])  # fmt: skip
 
@@ -193,11 +193,13 @@ def _switch_on(rover: Rover, servo: ClockedServo, prompt: Prompt, show: Show) ->
 
 def _by_protractor(rover: Rover, servo: ClockedServo, prompt: Prompt) -> Oscillator:
     """Two moves, each asked for by the operator, and the angle that is read off after each."""
-    (first, a, one), (second, b, other) = (_turned(rover, servo, prompt, which) for which in ("first", "second"))
+    (first, a, angle_first), (second, b, other) = (
+        _turned(rover, servo, prompt, which) for which in ("first", "second")
+    )
     if abs(b - a) < SMALLEST_TURN:
         far = math.degrees(SMALLEST_TURN)
         raise LrmError(f"the two angles are {math.degrees(abs(b - a)):.1f} deg apart: should be {far:.0f} or more")
-    return by_angles(servo, (first, second), abs(b - a), math.hypot(one, other))
+    return by_angles(servo, (first, second), abs(b - a), math.hypot(angle_first, other))
 
 
 def _turned(rover: Rover, servo: ClockedServo, prompt: Prompt, which: str) -> tuple[float, float, float]:

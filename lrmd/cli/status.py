@@ -117,9 +117,11 @@ def _motion_lines(model: Path) -> list[str]:
     from lrm_math.motion.effects import Swing  # takes a while
     from lrm_math.motion.motion_model import load_motion
 
-    file, known = load_motion(model)
+    file, motion_model = load_motion(model)
     swinging = [
-        f"{effect.place} {known.values[effect.keys[0]]:.2f} Hz" for effect in known.effects if isinstance(effect, Swing)
+        f"{effect.place} {motion_model.values[effect.keys[0]]:.2f} Hz"
+        for effect in motion_model.effects
+        if isinstance(effect, Swing)
     ]
     lines = [f"swings (at the mean of all postures): {', '.join(swinging) or 'no joint, as far as this model knows'}"]
     last = file.history[-1] if file.history else None

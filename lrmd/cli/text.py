@@ -43,10 +43,10 @@ def joints_table(joints: JointsState, heat: ThermalState) -> str:
     unit = f"{'':<10}{'deg':>9}{'deg':>9}{'us':>10}{'':>8}{'Nm':>10}{'degC':>10}"
     lines = [paint(head, "bold"), paint(unit, "dim")]
     for i, name in enumerate(joints.names):
-        known = joints.pulse_us[i] > 0
-        angle = f"{math.degrees(joints.q_rad[i]):9.2f}" if known else f"{'unknown':>9}"
-        target = f"{math.degrees(joints.target_rad[i]):9.2f}" if known else f"{'':>9}"
-        pulse = f"{joints.pulse_us[i]:10.1f}" if known else f"{'':>10}"
+        has_pulse = joints.pulse_us[i] > 0
+        angle = f"{math.degrees(joints.q_rad[i]):9.2f}" if has_pulse else f"{'unknown':>9}"
+        target = f"{math.degrees(joints.target_rad[i]):9.2f}" if has_pulse else f"{'':>9}"
+        pulse = f"{joints.pulse_us[i]:10.1f}" if has_pulse else f"{'':>10}"
         on = "on" if joints.on[i] else "off"
         level, soon = heat.level[i], heat.hot_in_s[i]
         winding = f"{heat.temperature_c[i]:10.1f}" + ("" if level == "cool" else f" {level}")
@@ -57,8 +57,10 @@ def joints_table(joints: JointsState, heat: ThermalState) -> str:
 
 def pulseless_note(joints: JointsState) -> str:
     """That servos without pulses may stand elsewhere than they were commanded last; empty where there are none."""
-    known = [name for name, on, pulse in zip(joints.names, joints.on, joints.pulse_us, strict=True) if pulse and not on]
-    if not known:
+    pulseless = [
+        name for name, on, pulse in zip(joints.names, joints.on, joints.pulse_us, strict=True) if pulse and not on
+    ]
+    if not pulseless:
         return ""
     return "Without pulses an arm may stand elsewhere: angles of servos that are off are the last commanded ones."
 

@@ -63,15 +63,15 @@ class Deployment:
         model = to_model(path, file, arm_of(path, file.arm))
         if words := unknown_state(model):
             raise FileError(path, "deployed", words, FIT_STATE)
-        known, last = covariance_of(path, file, model), file.history[-1] if file.history else None
+        covariance, last = covariance_of(path, file, model), file.history[-1] if file.history else None
         reversion = None if model.within is None else model.within.reversion
         parts = (
             None if model.state is None else model.state.sentence,
             None if reversion is None else reversion.sentence,
         )
         state = " ".join(filter(None, parts))
-        absurd = tuple(one.sentence for one in implausible_estimates(model, known))
-        return cls(state, *left_out_differences(model), _standard_error(model, known), last, absurd)
+        absurd = tuple(estimate.sentence for estimate in implausible_estimates(model, covariance))
+        return cls(state, *left_out_differences(model), _standard_error(model, covariance), last, absurd)
 
     @property
     def refusal(self) -> str:
@@ -83,10 +83,10 @@ class Deployment:
             return self.implausible[0]
         if self.difference <= (self.standard_error or 0.0):
             return ""
-        known = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
+        error_words = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
         return (
             f"without its session's effects the model predicts otherwise by {self.difference * 1e3:.2f} mm RMS, "
-            f"more than its standard error {known}"
+            f"more than its standard error {error_words}"
         )
 
     def check(self) -> None:
@@ -133,12 +133,12 @@ def left_out_differences(model: Model) -> tuple[float, float]:
     return difference(as_deployed_when_read(model, poses)), difference(as_deployed_when_read(model))
 
 
-def _standard_error(model: Model, known: Covariance | None) -> float | None:
+def _standard_error(model: Model, covariance: Covariance | None) -> float | None:
     """Standard error (m) of the tip that the deployed model predicts."""
-    if known is None:
+    if covariance is None:
         return None
     deployed = as_deployed(model)
-    return expected_tip_error(deployed, known.marginal(model, deployed))
+    return expected_tip_error(deployed, covariance.marginal(model, deployed))
 
 
 def _session_poses(model: Model) -> Poses:
@@ -148,7 +148,7 @@ def _session_poses(model: Model) -> Poses:
     lower, upper = np.array(ends).T
     t, running = (None, None) if within is None else (_evenly(within.t), _evenly(within.running))
     steps = [
-        int(found[1]) for key in model.keys if model.value(key) and (found := STEP.match(ParameterRef.parse(key).name))
+        int(match[1]) for key in model.keys if model.value(key) and (match := STEP.match(ParameterRef.parse(key).name))
     ]
     session = np.ceil(np.linspace(0.0, max(steps), POSES + 1)[1:]) if steps else None
     q = rng.uniform(lower, upper, (POSES, model.arm.dof))

@@ -43,15 +43,17 @@ def _without_history(text: str, tables: Mapping[str, object]) -> str:
     steps = tables.get("history")
     if not isinstance(steps, list) or not steps:
         return text
-    starts = [0, *(found.start() for found in HEADER.finditer(text)), len(text)]
+    starts = [0, *(match.start() for match in HEADER.finditer(text)), len(text)]
     last = max((a for a in starts if STEP.match(text, a)), default=0)
     kept = "".join(
         text[a:b]
         for a, b in pairwise(starts)
         if a == last or not HISTORY.match(text, a) or (a > last and PARAMETERS.match(text, a))
     )
-    own = {name: value for name, value in steps[-1].items() if not isinstance(value, dict) or name == "parameters"}
-    expected = {**tables, "history": [own]}
+    last_step = {
+        name: value for name, value in steps[-1].items() if not isinstance(value, dict) or name == "parameters"
+    }
+    expected = {**tables, "history": [last_step]}
     with suppress(tomllib.TOMLDecodeError):
         if tomllib.loads(kept) == expected:
             return kept

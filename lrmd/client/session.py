@@ -178,21 +178,21 @@ class RoverSession:
 
         Raises `RequestRefused` on its error reply, `NoReply` without a reply of it, and `SeveralDaemons`.
         """
-        known = self._daemon if tail in STOPS else self._identified()
+        daemon = self._daemon if tail in STOPS else self._identified()
         answers = self._query_all(tail, payload, timeout, source)
-        if tail == EVENTS and known is not None:
-            known = replace(known, seen=0)
-        own = self._of_daemon(answers, known)
-        if refused := next((answer for answer in own if answer.refused), None):
+        if tail == EVENTS and daemon is not None:
+            daemon = replace(daemon, seen=0)
+        answers_of_daemon = self._of_daemon(answers, daemon)
+        if refused := next((answer for answer in answers_of_daemon if answer.refused), None):
             self._check_restart()
             raise self._refusal(unpack_shown(ErrorReply, refused.data))
         if tail == EVENTS:
-            return [answer.data for answer in own]
-        if not own:
+            return [answer.data for answer in answers_of_daemon]
+        if not answers_of_daemon:
             raise self._no_reply(tail, answers)
-        if len(own) > 1 and known is not None:
-            raise self._several(tail, own)
-        return [own[0].data]
+        if len(answers_of_daemon) > 1 and daemon is not None:
+            raise self._several(tail, answers_of_daemon)
+        return [answers_of_daemon[0].data]
 
     def _refusal(self, reply: ErrorReply) -> RequestRefused:
         """The error of a refused request; who is told of a stop knows of it from then on."""
@@ -211,16 +211,22 @@ class RoverSession:
         )  # fmt: skip
         return [QueryAnswer.of(reply, whole) for reply in replies]
 
-    def _of_daemon(self, answers: Sequence[QueryAnswer], known: Daemon | None) -> list[QueryAnswer]:
+    def _of_daemon(self, answers: Sequence[QueryAnswer], daemon: Daemon | None) -> list[QueryAnswer]:
         """The daemon's own answers among those of everybody; asks `info` if they may be those of its next start."""
-        if known is None:
+        if daemon is None:
             return [answer for answer in answers if answer.origin is not None]
-        own = [answer for answer in answers if answer.origin is not None and known.wrote(answer.origin)]
-        if others := [] if own else [boot_id for boot_id in boot_ids(answers) if boot_id != known.boot_id]:
+        answers_of_daemon = [answer for answer in answers if answer.origin is not None and daemon.wrote(answer.origin)]
+        if (
+            others := []
+            if answers_of_daemon
+            else [boot_id for boot_id in boot_ids(answers) if boot_id != daemon.boot_id]
+        ):
             now = self._confirm().boot_id
             return [a for a in answers if now in others and a.origin is not None and a.origin.boot_id == now]
-        self._see(known.boot_id, max((a.origin.t_mono_ns for a in own if a.origin is not None), default=0))
-        return own
+        self._see(
+            daemon.boot_id, max((a.origin.t_mono_ns for a in answers_of_daemon if a.origin is not None), default=0)
+        )
+        return answers_of_daemon
 
     def _see(self, boot_id: str, t_mono_ns: int) -> None:
         with self._seeing:
@@ -241,12 +247,12 @@ class RoverSession:
             answers = self._query_all("info", b"", self._timeout)
             before = "" if self._daemon is None else self._daemon.boot_id
             named = [a for a in answers if a.origin is not None and not a.refused]
-            own = [a for a in named if a.origin is not None and a.origin.boot_id == before] or named
-            if not own or own[0].origin is None:
+            answers_of_boot = [a for a in named if a.origin is not None and a.origin.boot_id == before] or named
+            if not answers_of_boot or answers_of_boot[0].origin is None:
                 raise self._no_reply("info", answers)
-            if len(own) > 1:
-                raise self._several("info", own)
-            origin = own[0].origin
+            if len(answers_of_boot) > 1:
+                raise self._several("info", answers_of_boot)
+            origin = answers_of_boot[0].origin
             with self._seeing:
                 self._daemon = Daemon(origin.boot_id, origin.t_mono_ns, origin.t_mono_ns)
                 return self._daemon

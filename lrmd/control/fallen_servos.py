@@ -21,8 +21,8 @@ class FallenServos:
     def __init__(self, config: Config, check: MotionCheck, stored: StoredState | None) -> None:
         self._config, self._check = config, check
         self._all = (1 << len(config.servos)) - 1
-        known = stored.fallen if stored else []
-        self.bits = self._all if known is None else sum(1 << i for i, n in enumerate(config.names) if n in known)
+        fallen = stored.fallen if stored else []
+        self.bits = self._all if fallen is None else sum(1 << i for i, n in enumerate(config.names) if n in fallen)
         self._stored = [stored.pulse_ns.get(name, 0) if stored else 0 for name in config.names]
         self._bears: tuple[object, ...] = ()
 
@@ -50,7 +50,7 @@ class FallenServos:
 
     def _pulses(self, report: RampReport) -> Pulses:
         """Last pulse (ns) of every servo, the stored one of those that had none since the start."""
-        return tuple(one or other for one, other in zip(report.position, self._stored, strict=False))
+        return tuple(position or other for position, other in zip(report.position, self._stored, strict=False))
 
     def names_if_all_ended(self, report: RampReport, payload: float) -> list[str]:
         """Names of those servos if the pulses ended now, as they do when the daemon is killed."""

@@ -43,25 +43,27 @@ class KnownObstacles:
 
     def changed(self, command: SceneCommand, reserved: Collection[str], now: int) -> KnownObstacles:
         """After a command. Raises `RequestError`: another owner's, a name of the arm file, or too many."""
-        known = dict(self.known)
+        obstacles = dict(self.known)
         for name in (*command.remove, *(entry.name for entry in command.put)):
             if name in reserved:
                 raise RequestError("obstacle", f"'{name}' is a shape of the arm file; take another name")
-            if name in known and known[name].owner != command.owner:
-                raise RequestError("obstacle", f"'{name}' is an obstacle of {known[name].owner}")
+            if name in obstacles and obstacles[name].owner != command.owner:
+                raise RequestError("obstacle", f"'{name}' is an obstacle of {obstacles[name].owner}")
         for name in command.remove:
-            known.pop(name, None)
+            obstacles.pop(name, None)
         until = None if command.max_age_s is None else now + round(command.max_age_s * SECOND)
-        known |= {entry.name: ToldObstacle(entry, command.owner, now, until) for entry in command.put}
-        if len(known) > MOST_OBSTACLES:
-            raise RequestError("obstacle", f"{len(known)} obstacles; at most {MOST_OBSTACLES} are known at once")
-        if (cells := sum(obstacle.entry.cells for obstacle in known.values())) > MOST_CELLS:
+        obstacles |= {entry.name: ToldObstacle(entry, command.owner, now, until) for entry in command.put}
+        if len(obstacles) > MOST_OBSTACLES:
+            raise RequestError("obstacle", f"{len(obstacles)} obstacles; at most {MOST_OBSTACLES} are known at once")
+        if (cells := sum(obstacle.entry.cells for obstacle in obstacles.values())) > MOST_CELLS:
             raise RequestError("obstacle", f"{cells} heights; heightfields have at most {MOST_CELLS} in all")
-        return KnownObstacles(known)
+        return KnownObstacles(obstacles)
 
     def at(self, now: int) -> KnownObstacles:
         """Without those that are too old; the same if none is."""
-        fresh = {name: one for name, one in self.known.items() if one.until is None or now < one.until}
+        fresh = {
+            name: obstacle for name, obstacle in self.known.items() if obstacle.until is None or now < obstacle.until
+        }
         return self if len(fresh) == len(self.known) else KnownObstacles(fresh)
 
     def shapes(self) -> tuple[Obstacle, ...]:

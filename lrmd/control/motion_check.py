@@ -118,11 +118,14 @@ def corners(config: Config, ramp: Move) -> list[int]:
 
     Between them all joints turn in proportion, so each segment is straight in angles, too.
     """
-    found = set()
+    corner_poses = set()
     for servo, start, distance, ticks in zip(
         config.servos[: config.dof], ramp.start, ramp.distance, ramp.ticks, strict=False
     ):
         if distance:
             passed = [(round(p * 1e9) - start) * ticks / distance for p in servo.table.pulse]
-            found |= {ticks, *(round_k(k) for k in passed if 0 < k < ticks for round_k in (math.floor, math.ceil))}
-    return sorted(found)
+            corner_poses |= {
+                ticks,
+                *(round_k(k) for k in passed if 0 < k < ticks for round_k in (math.floor, math.ceil)),
+            }
+    return sorted(corner_poses)

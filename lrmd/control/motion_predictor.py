@@ -92,11 +92,11 @@ class MotionPredictor:
         phases = (np.arange(many := round(PHASES_IN_TICK * frame / tick) or 1) + 0.5)[:, None] / many * frame
         seen = path[np.minimum(((began + phases) / tick).astype(int), len(path) - 1)].repeat(steps, axis=1)
         within = self._config.motion.within_mm * 1e-3
-        found = settling_after(
+        settling = settling_after(
             model, path[0], seen, frame / steps, within, final_leg.payload, FREQUENCY_FACTORS, (USUAL, SURE)
         )
         begin = (len(began) + 0.5) * frame - ends
-        return SettlingTimes(*(begin + one.seconds if one.seconds else 0.0 for one in found))
+        return SettlingTimes(*(begin + leg.seconds if leg.seconds else 0.0 for leg in settling))
 
     @property
     def _frame(self) -> float:

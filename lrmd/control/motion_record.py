@@ -43,8 +43,8 @@ class MotionRecord:
         """The record of a state that was stored at `saved` (monotonic ns): of joints that have pulses from there on."""
         names = self._config.names[: self._config.dof]
         self._pulses = tuple(stored.pulse_ns.get(name, 0) for name in names)
-        known = [stored.arrival.get(name, StoredArrival()) for name in names]
-        side, friction = [a.direction for a in known], [a.friction for a in known]
+        arrivals = [stored.arrival.get(name, StoredArrival()) for name in names]
+        side, friction = [a.direction for a in arrivals], [a.friction for a in arrivals]
         self.motion = Motion(self._angles(self._pulses), np.array(side, dtype=np.float64), np.array(friction))
         if stored.powered_s > 0.0:
             self._left = saved - round(stored.powered_s * SECOND), stored.powered_at_c

@@ -163,8 +163,8 @@ class OrderScheduler:
         """
         if not remaining:
             return Departure(position)
-        left, way = max(0, remaining - lead), self.way.advanced_to(remaining)
-        return Departure(way.at(left), left, way)
+        ticks_left, way = max(0, remaining - lead), self.way.advanced_to(remaining)
+        return Departure(way.at(ticks_left), ticks_left, way)
 
     def start(self, legs: Sequence[Leg], departure: Departure, now: int, contacts: Sequence[Contact] = ()) -> None:
         """Moves the servos along legs from a departure, with the contacts that its request permits."""

@@ -134,9 +134,9 @@ def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pu
     if request.may_touch:
         raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
     out: list[Leg] = []
-    for left in range(len(legs), 0, -1):
-        leg, own = legs[-left], "zv" if kind == "timed" and left > 1 else kind
-        out.append(s.motion.shaped(start, leg, own, payload, s.load_at))
+    for legs_left in range(len(legs), 0, -1):
+        leg, leg_kind = legs[-legs_left], "zv" if kind == "timed" and legs_left > 1 else kind
+        out.append(s.motion.shaped(start, leg, leg_kind, payload, s.load_at))
         start = overlaid(start, leg.target)
     return out
 

@@ -75,19 +75,19 @@ class Planner:
             goals = [goal for goal, good in zip(goals, steady, strict=True) if good]
             if not goals:
                 return NoPlan("no path: the vehicle would be too near to tipping over at the goal")
-        found = self._find_from(start, goals, seed, check_cancelled)
-        if not isinstance(found, NoPlan):
-            return found
+        path_found = self._find_from(start, goals, seed, check_cancelled)
+        if not isinstance(path_found, NoPlan):
+            return path_found
         apart = self.guard.separation(np.array([start, *goals]), self.payload)
         clear = apart >= self.scene.margin + RESOLUTION  # both the rigid and the loaded arm
         if clear[0] or not clear[1:].any():
-            return found
+            return path_found
         direct = (self.allowed((tuple(start),), goal) for goal in goals)
         if (straight := next(filter(None, direct), None)) is not None:
             return straight
         way = self.way_out(start, np.random.default_rng([seed, len(goals)]), check_cancelled)
         if way is None:
-            return found
+            return path_found
         onward = self._find_from(way[-1], goals, seed, check_cancelled)
         return onward if isinstance(onward, NoPlan) else (*way[:-1], *onward)
 
@@ -111,11 +111,11 @@ class Planner:
         """
         ways: list[JointPath] = [(tuple(start),)]
         for _ in range(ROUNDS_OUT):
-            found, clear = self._outward(ways[int(rng.integers(len(ways)))], rng, check_cancelled)
+            path_found, clear = self._outward(ways[int(rng.integers(len(ways)))], rng, check_cancelled)
             if clear:
-                return found
-            if found is not None:
-                ways.append(found)
+                return path_found
+            if path_found is not None:
+                ways.append(path_found)
         return None
 
     def _outward(
@@ -146,21 +146,21 @@ class Planner:
         reasons: list[NoPlan] = []
         while searches:
             for search in tuple(searches):
-                found = self._attempt(start, search, check)
-                if isinstance(found, NoPlan):
-                    reasons.append(found)
+                path_found = self._attempt(start, search, check)
+                if isinstance(path_found, NoPlan):
+                    reasons.append(path_found)
                     searches.remove(search)
-                elif found is not None:
-                    return found
+                elif path_found is not None:
+                    return path_found
         return reasons[0]
 
     def _attempt(self, start: Sequence[float], search: _GoalSearch, check: Check) -> JointPath | NoPlan | None:
         """A path, the reason why there is none, or None to try again."""
         margin = self.scene.margin + search.extra_margin
-        found = plan(self.scene, start, search.goal, search.rng, margin, SAMPLES, check)
-        if isinstance(found, NoPath):
-            return self._reason(found, start, search)
-        waypoints = with_corners(self.config, found)
+        path_found = plan(self.scene, start, search.goal, search.rng, margin, SAMPLES, check)
+        if isinstance(path_found, NoPath):
+            return self._reason(path_found, start, search)
+        waypoints = with_corners(self.config, path_found)
         violation = self._violation(waypoints)
         if not violation:
             return waypoints
@@ -168,12 +168,12 @@ class Planner:
         given_up = search.rejected == MAX_REJECTED
         return NoPlan(f"every path found violates the margin: {violation}") if given_up else None
 
-    def _reason(self, found: NoPath, start: Sequence[float], search: _GoalSearch) -> NoPlan | None:
+    def _reason(self, no_path: NoPath, start: Sequence[float], search: _GoalSearch) -> NoPlan | None:
         if search.extra_margin:
             search.extra_margin *= 0.5
             return None
-        if found.why != "not found":
-            return NoPlan(str(found))
+        if no_path.why != "not found":
+            return NoPlan(str(no_path))
         for what, q in (("start", np.array(start)), ("goal", np.array(search.goal))):
             move, _ = self.guard.check(np.array([q, q]), self.payload, self.scene.margin)
             if not move.free:

@@ -206,14 +206,14 @@ class IkProcess:
         if accepted == NO_MODEL or (accepted == self._shared.values.ik_model and self._service is not None):
             return
         try:
-            found = digest_of(self._config)
+            digest = digest_of(self._config)
         except FileError:
-            found = NO_MODEL
-        if (accepted, found) == self._checked:
+            digest = NO_MODEL
+        if (accepted, digest) == self._checked:
             return
-        self._checked = accepted, found
+        self._checked = accepted, digest
         try:
-            if found != accepted:
+            if digest != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
             self._service = IkService.of(self._config, deploy(self._config))
             self._gravity, self._load, self._scene_number = GravityRecord(), LoadRecord(), 0

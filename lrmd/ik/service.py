@@ -113,7 +113,7 @@ class FeasibilityCheck:
         if self.scene is None or not self.contacts:
             return self.scene
         each = [permits(self.scene, self.model, self.contacts, pose[None], payload) for pose in q]
-        shallow = [min(found, key=lambda permit: permit.depth) for found in zip(*each, strict=True)]
+        shallow = [min(permits_of_pair, key=lambda permit: permit.depth) for permits_of_pair in zip(*each, strict=True)]
         return permitting(self.scene, shallow)
 
     def feasible(self, query: IkQuery, branches: Sequence[Branch]) -> NDArray[np.bool_]:
@@ -349,8 +349,8 @@ class IkService:
         if known.remembered is None or now.history is None or self.remembering is None:
             return
         begun = (known.remembered.now, *known.remembered.or_else)
-        visits = [replace(now.history.visits, begun=one) for one in begun]
-        tips = [self._tip(replace(now, history=replace(now.history, visits=one))) for one in visits]
+        visits = [replace(now.history.visits, begun=memory) for memory in begun]
+        tips = [self._tip(replace(now, history=replace(now.history, visits=visits_from))) for visits_from in visits]
         yield from (tip - tips[0] for tip in tips[1:])
 
     def _bearing(self, now: Poses) -> Poses:
@@ -498,12 +498,12 @@ class IkService:
         _, here = _start(request.from_rad, known)
         motion = Motion.at(request.from_rad) if here is None else replace(here, q=np.array(request.from_rad))
         begin, goal = self._moved(known, motion, payload), self._goal(0, request.goal)
-        found = line_path(
+        path_found = line_path(
             begin, payload, goal, check_cancelled, lambda before, after: self._moved(before.known, after, payload)
         )
-        if isinstance(found, LineEnd):
-            return replace(found, text=found.text + unit_doubt(goal.position, self._length))
-        path = with_corners(self.config, np.array(found))
+        if isinstance(path_found, LineEnd):
+            return replace(path_found, text=path_found.text + unit_doubt(goal.position, self._length))
+        path = with_corners(self.config, np.array(path_found))
         move, number = self._guard(request, np.array(path)).check(np.array(path), payload)
         if not move.free:
             tip = self.solver.forward(path[number], payload).tcp

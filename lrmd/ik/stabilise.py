@@ -38,13 +38,13 @@ def steadier_poses(
         else:
             about = best[rng.integers(min(2, len(best)), size=POSES)]
             poses = np.clip(about + SHRINK**round_ * rng.normal(0.0, 0.5, about.shape) * (high - low), low, high)
-        found = stability.angles(poses, payload)
+        poses_found = stability.angles(poses, payload)
         least = angles[-1] if len(best) == MOST_GOALS else here + LEAST_GAIN
-        worth = np.flatnonzero(found > least)
+        worth = np.flatnonzero(poses_found > least)
         if not len(worth):
             continue
         clear = worth[guard.separation(poses[worth], payload) >= guard.scene.margin + RESOLUTION]
-        best, angles = np.concatenate([best, poses[clear]]), np.concatenate([angles, found[clear]])
+        best, angles = np.concatenate([best, poses[clear]]), np.concatenate([angles, poses_found[clear]])
         order = np.argsort(-angles)[:MOST_GOALS]
         best, angles = best[order], angles[order]
     return best

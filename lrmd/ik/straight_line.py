@@ -160,8 +160,8 @@ def line_path(
     while waiting:
         check_cancelled()
         share, before = waiting[-1], shares[-1]
-        found = _next(follow, payload, line, share, path[-1])
-        reason = found.text if isinstance(found, NoPlan) else _bend(payload, line, path[-1], found)
+        step_to = _next(follow, payload, line, share, path[-1])
+        reason = step_to.text if isinstance(step_to, NoPlan) else _bend(payload, line, path[-1], step_to)
         if reason:
             if share - before <= LEAST_SHARE or len(path) + len(waiting) > MOST_COMMANDS:
                 x, y, z = line.place(before).tolist()
@@ -170,10 +170,10 @@ def line_path(
                 return LineEnd(f"no straight line: it ends {where}: {why}", (x, y, z))
             waiting.append(0.5 * (before + share))
             continue
-        assert isinstance(found, Waypoint)
+        assert isinstance(step_to, Waypoint)
         waiting.pop()
         shares.append(share)
-        path.append(found)
+        path.append(step_to)
     return [tuple(waypoint.motion.q.tolist()) for waypoint in path]
 
 

@@ -54,12 +54,12 @@ ANY_MESSAGE = MessageBounds(LONGEST, LONGEST // PART, ITEMS, LONGEST // PART, LO
 def bounds_of(kind: type[BaseModel]) -> MessageBounds:
     """The bounds of a kind of message, at most `LONGEST` where its fields do not limit it."""
     schema = kind.model_json_schema()
-    found = _of(schema, schema.get("$defs", {}))
+    bounds = _of(schema, schema.get("$defs", {}))
     limited = all(_limited(part) for part in (schema, *schema.get("$defs", {}).values()))
     if limited:
-        return found.widened()
-    size = min(found.size, LONGEST)
-    return replace(found, size=size, parts=min(found.parts, size // PART)).widened()
+        return bounds.widened()
+    size = min(bounds.size, LONGEST)
+    return replace(bounds, size=size, parts=min(bounds.parts, size // PART)).widened()
 
 
 def _limited(schema: Any) -> bool:
@@ -115,16 +115,18 @@ def _text(count: int) -> MessageBounds:
 
 
 def _either(choices: Iterable[MessageBounds]) -> MessageBounds:
-    found = list(choices)
-    return _deepened(MessageBounds(max(one.size for one in found), max(one.parts for one in found)), found)
+    bounds = list(choices)
+    return _deepened(
+        MessageBounds(max(choice.size for choice in bounds), max(choice.parts for choice in bounds)), bounds
+    )
 
 
 def _deepened(whole: MessageBounds, parts: list[MessageBounds]) -> MessageBounds:
     """The size and parts of the whole, with the largest map, array and text of it and its parts."""
-    found = [whole, *parts]
+    bounds = [whole, *parts]
     return MessageBounds(
-        whole.size, whole.parts, max(one.entries for one in found), max(one.elements for one in found),
-        max(one.text for one in found),
+        whole.size, whole.parts, max(part.entries for part in bounds), max(part.elements for part in bounds),
+        max(part.text for part in bounds),
     )  # fmt: skip
 
 

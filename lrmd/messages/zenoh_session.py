@@ -88,11 +88,11 @@ def own_endpoints(table: ZenohTable) -> list[str]:
 
 
 def serve(
-    session: zenoh.Session, own: str, kind: type[M] | None,
+    session: zenoh.Session, own_key: str, kind: type[M] | None,
     answer: Callable[[zenoh.Query, Any], Sequence[bytes] | None],
     fail: Callable[[zenoh.Query, Exception], None], inbox: Inbox, wildcards: bool = False,
 ) -> None:  # fmt: skip
-    """Declares a queryable on the key `own`: `answer(query, request)` returns the replies, None if they come later.
+    """Declares a queryable on the key `own_key`: `answer(query, request)` returns the replies, None if they come later.
 
     `kind`: of the request; None: what it says is ignored, and `answer` gets an empty message.
 
@@ -108,27 +108,27 @@ def serve(
             replies = answer(query, unpack(kind or Message, content))
         except Exception as error:
             return partial(fail, query, error)
-        return partial(_reply, query, own, replies)
+        return partial(_reply, query, own_key, replies)
 
     def received(query: zenoh.Query) -> None:
         """Takes one query; nothing leaves zenoh's callback."""
         try:
-            if not wildcards and str(query.key_expr) != own:
-                raise wildcard_error(own)
+            if not wildcards and str(query.key_expr) != own_key:
+                raise wildcard_error(own_key)
             size = len(query.payload) if query.payload else 0
             check_size(kind or Message, size)
             inbox.put(size, partial(work, query))
         except Exception as error:
             fail(query, error)
 
-    session.declare_queryable(own, Callback(received, indirect=False))
+    session.declare_queryable(own_key, Callback(received, indirect=False))
 
 
 def subscribe(
-    session: zenoh.Session, own: str, kind: type[M], take: Callable[[zenoh.Sample, M], None],
+    session: zenoh.Session, own_key: str, kind: type[M], take: Callable[[zenoh.Sample, M], None],
     fail: Callable[[Exception], None], inbox: Inbox,
 ) -> None:  # fmt: skip
-    """Declares a subscriber on the key `own`: as `serve`, for commands, which have no reply."""
+    """Declares a subscriber on the key `own_key`: as `serve`, for commands, which have no reply."""
 
     def work(sample: zenoh.Sample) -> Send:
         """Takes one command."""
@@ -147,19 +147,19 @@ def subscribe(
         except Exception as error:
             fail(error)
 
-    session.declare_subscriber(own, Callback(received, indirect=False))
+    session.declare_subscriber(own_key, Callback(received, indirect=False))
 
 
-def _reply(query: zenoh.Query, own: str, replies: Sequence[bytes] | None) -> None:
+def _reply(query: zenoh.Query, own_key: str, replies: Sequence[bytes] | None) -> None:
     if replies is not None:
         with query:
             for reply in replies:
-                query.reply(own, reply)
+                query.reply(own_key, reply)
 
 
-def wildcard_error(own: str) -> RequestError:
-    """The error of a query to several keys at once, `own` among them."""
-    return RequestError("wildcard", f"ask {own} itself; requests to several at once are not carried out")
+def wildcard_error(own_key: str) -> RequestError:
+    """The error of a query to several keys at once, `own_key` among them."""
+    return RequestError("wildcard", f"ask {own_key} itself; requests to several at once are not carried out")
 
 
 def reply_error(query: zenoh.Query, error: Exception, log: Any, boot_id: str) -> None:

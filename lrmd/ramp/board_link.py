@@ -176,14 +176,14 @@ class BoardLink:
 
     def answers(self, replies: list[Frame]) -> list[tuple[Frame, SentFrame]]:
         """Replies of a tick that answer a frame, each with it."""
-        found, strays = [], 0
+        answers_found, strays = [], 0
         for reply in replies:
             sent = self._strike_off(reply)
             if sent is not None:
-                found.append((reply, sent))
+                answers_found.append((reply, sent))
             else:
                 strays += reply.seq not in (0, self._answered)
-        return found if strays <= STRAYS else []
+        return answers_found if strays <= STRAYS else []
 
     def _strike_off(self, reply: Frame) -> SentFrame | None:
         fits = (sent for sent in self._outstanding if sent.seq == reply.seq and answers(reply, sent))

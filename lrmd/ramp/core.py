@@ -214,8 +214,8 @@ class RampCore:
             self._freeze(RampFault.BOARD_SILENCED)
         ours = self._board.counts(self.outputs, self.position)
         self.position = tuple(
-            p if count in (0, own) else pulse
-            for p, own, count, pulse in zip(self.position, ours, read, self.register, strict=True)
+            p if count in (0, count_of_channel) else pulse
+            for p, count_of_channel, count, pulse in zip(self.position, ours, read, self.register, strict=True)
         )
         self._pulses_changed = self._pulses_changed or bool(self.outputs)
         self._pulses_confirmed = not self._pulses_changed

@@ -80,21 +80,21 @@ class CollisionGuard:
         """Raises `ClearanceViolation` or `TipOverViolation` for a way through poses with a payload (kg) that is not
         allowed, `LrmError`."""
         poses = self.scene.poses(path)
-        found, move = self.permitting(contacts, poses, payload).check(poses, payload)
-        if found.free:
+        clearance, move = self.permitting(contacts, poses, payload).check(poses, payload)
+        if clearance.free:
             return
-        if isinstance(found, TippingMove):
-            raise TipOverViolation(found, move)
-        if found.distance <= NO_EQUILIBRIUM:
+        if isinstance(clearance, TippingMove):
+            raise TipOverViolation(clearance, move)
+        if clearance.distance <= NO_EQUILIBRIUM:
             raise LrmError("the elastic equilibrium does not settle on the way: too much load for the arm")
-        raise ClearanceViolation(found, self.scene.margin, move, self.scene.estimated)
+        raise ClearanceViolation(clearance, self.scene.margin, move, self.scene.estimated)
 
     def permitting(self, contacts: ContactRules, path: Array, payload: float) -> CollisionGuard:
         """The guard of one request that permits contacts, on a way through poses (K, n) with a payload (kg)."""
         if contacts == NO_CONTACTS:
             return self
-        found = permits(self.scene, self.model, contacts.permitted, path, payload)
-        return replace(self, scene=permitting(self.scene, found), touched=contacts.touched)
+        permitted = permits(self.scene, self.model, contacts.permitted, path, payload)
+        return replace(self, scene=permitting(self.scene, permitted), touched=contacts.touched)
 
     def check(self, path: Array, payload: float, keep: float | None = None) -> tuple[MotionClearance, int]:
         """The clearance on straight moves through poses (K, n), and the number of the move, from 0, that it is of.
@@ -104,11 +104,11 @@ class CollisionGuard:
         that is free of collision the move on which the vehicle comes too near to tipping over.
         """
         for bodies in self.bodies(payload):
-            found, move = check_path(bodies, path, self._required(bodies, path[0]) if keep is None else keep)
-            if not found.free or found.distance <= NO_EQUILIBRIUM:
-                return replace(found, free=False), move
+            clearance, move = check_path(bodies, path, self._required(bodies, path[0]) if keep is None else keep)
+            if not clearance.free or clearance.distance <= NO_EQUILIBRIUM:
+                return replace(clearance, free=False), move
         tipping = None if self.stability is None else self.stability.refused(path, payload)
-        return (found, move) if tipping is None else tipping
+        return (clearance, move) if tipping is None else tipping
 
     def _required(self, bodies: ArmBodies, start: Array) -> Array:
         """(pairs,), the separation (m) that the rule requires of a way that begins at a pose (n,)."""

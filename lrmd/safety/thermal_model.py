@@ -58,9 +58,10 @@ class ThermalModel:
 
     def after(self, seconds: float, temperature: Sequence[float], tau: Sequence[float]) -> tuple[float, ...]:
         """Temperatures (degC) after `seconds` with torques `tau` (N m), exact for constant torques."""
-        left = math.exp(-max(0.0, seconds) / self.time_constant)
+        share_left = math.exp(-max(0.0, seconds) / self.time_constant)
         return tuple(
-            final + (T - final) * left for T, final in zip(temperature, map(self._final, self.rise, tau), strict=True)
+            final + (T - final) * share_left
+            for T, final in zip(temperature, map(self._final, self.rise, tau), strict=True)
         )
 
     def _final(self, rise: float, tau: float) -> float:
@@ -160,10 +161,11 @@ class ThermalMonitor:
         """Raises `RequestError` if a servo would be too hot within so many seconds of torques (N m, per servo)."""
         limit, model = self.model.limits[ThermalLevel.TOO_HOT - 1], self.model
         for name, torque, rise, T in zip(self._names, tau, model.rise, self.temperature, strict=True):
-            left = model.seconds_to(limit, T, torque, rise)
-            if left < seconds:
-                text = f"{name} would hold {abs(torque):.2f} Nm, and be too hot in {left:.0f} s: no load for this arm"
-                raise RequestError("too_heavy", text, servo=name, seconds=left)
+            seconds_left = model.seconds_to(limit, T, torque, rise)
+            if seconds_left < seconds:
+                held = f"{name} would hold {abs(torque):.2f} Nm"
+                text = f"{held}, and be too hot in {seconds_left:.0f} s: no load for this arm"
+                raise RequestError("too_heavy", text, servo=name, seconds=seconds_left)
 
     def check_load(self, now: Sequence[float], then: Sequence[float]) -> None:
         """Raises `RequestError` if a warm servo would carry more torque `then` than `now` (N m, per servo)."""

@@ -27,8 +27,8 @@ OWN_STATE = "simulated"
 def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterator[Config]:
     """Runs `lrmd-board` on a private pty; yields the configuration with its port, and with a state directory of its
     own. Raises `LrmError` if it fails."""
-    known = (*config.arm.joint_names, *(name for name, _ in config.arm.auxiliary_servos))
-    channels = ",".join(f"{s.name}={s.channel}" for s in config.servos if s.name in known)
+    servo_names = (*config.arm.joint_names, *(name for name, _ in config.arm.auxiliary_servos))
+    channels = ",".join(f"{s.name}={s.channel}" for s in config.servos if s.name in servo_names)
     with tempfile.TemporaryDirectory(prefix="lrmd-") as folder:
         port = Path(folder) / "board"
         command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(port), "--arm", config.arm_file]
@@ -57,6 +57,6 @@ def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterat
 def _springs(config: Config) -> list[str]:
     """The springs of the configuration as options."""
     return [
-        f"--spring={name}={one.stiffness_nm_per_rad}:{one.damping_nm_s_per_rad}:{one.friction_nm}"
-        for name, one in config.simulation.spring.items()
+        f"--spring={name}={spring.stiffness_nm_per_rad}:{spring.damping_nm_s_per_rad}:{spring.friction_nm}"
+        for name, spring in config.simulation.spring.items()
     ]

@@ -122,10 +122,10 @@ class SimulatedServo:
             wanted = self.angle + backdrive_speed(self.torque, self.kind) * dt
         else:
             assert self.target is not None
-            left = self.target - self.angle
-            if -self.band <= left <= self.band:
+            travel = self.target - self.angle
+            if -self.band <= travel <= self.band:
                 return 0.0
-            wanted = self.target - remaining_travel(left, dt, self.kind, self.band)
+            wanted = self.target - remaining_travel(travel, dt, self.kind, self.band)
         wanted = min(max(wanted, self.lower), self.upper)
         turn = wanted - self.angle
         if turn:

@@ -103,17 +103,17 @@ def import_urdf(
     if gravity is not None:
         x, y, z = parse_numbers("--gravity", gravity, "three components in m/s2 by commas", 3)
         robot = replace(robot, gravity=(x, y, z))
-    found = import_arm(robot, base, tip, name, rules)
+    imported = import_arm(robot, base, tip, name, rules)
     text = arm_text(
-        found.arm,
-        source=f"{urdf.name}, links {found.base} to {found.tip}",
+        imported.arm,
+        source=f"{urdf.name}, links {imported.base} to {imported.tip}",
         comments=(
-            f"{found.arm.dof} joints of {urdf.name} from {found.base} to {found.tip}, angles 0 as there.",
-            f"Its pose differs from the URDF's own kinematics by at most {found.difference:.1g} (m, rad).",
+            f"{imported.arm.dof} joints of {urdf.name} from {imported.base} to {imported.tip}, angles 0 as there.",
+            f"Its pose differs from the URDF's own kinematics by at most {imported.difference:.1g} (m, rad).",
         ),
     )
-    publish(arm_document(found.arm, found.difference), json, in_full=show_all)
-    notice(*found.notices)
+    publish(arm_document(imported.arm, imported.difference), json, in_full=show_all)
+    notice(*imported.notices)
     write_text(output, text)
     show(f"Arm written to {output}")
 
@@ -180,8 +180,8 @@ def export(
     the_model = _model(model, effects_file)
     places = [one_of("place to keep", word.strip(), (BASE, TOOL)) for word in keep.split(",") if word.strip()]
     given = {"--urdf": urdf, "--mjcf": mjcf, "--calibration": calibration, "--ros2-control": ros2_control}
-    own = {option: path for option, path in given.items() if path is not None}
-    write_for = writer_for(output, own, base, tip, places)
+    options = {option: path for option, path in given.items() if path is not None}
+    write_for = writer_for(output, options, base, tip, places)
     moves = None if motion is None else load_motion(motion)[1]
     variants = _variants(Path(model), the_model, draws, seed, effects_file, moves) if draws else [the_model]
     files = [output.with_stem(f"{output.stem}-{n:03d}") for n in range(1, draws + 1)] if draws else [output]
@@ -244,7 +244,7 @@ def _variants(
     """
     if not model.keys and motion is not None:
         return [model] * count
-    known = load_covariance(path, catalogue_with(effects_file)) if path.is_file() and len(model.keys) else None
-    if known is None:
+    covariance = load_covariance(path, catalogue_with(effects_file)) if path.is_file() and len(model.keys) else None
+    if covariance is None:
         raise FileError(path, "covariance", "missing", "--draws needs a model that fit wrote, with its covariance")
-    return drawn_models(model, known, count, np.random.default_rng(seed))
+    return drawn_models(model, covariance, count, np.random.default_rng(seed))

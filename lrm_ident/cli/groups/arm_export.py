@@ -27,15 +27,17 @@ Writer: TypeAlias = Callable[[Model, Path], export.ExportedFile]
 """Makes the file for a model that is written at a path. Raises `LrmError`."""
 
 
-def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str | None, keep: Sequence[str]) -> Writer:
-    """Exporters by name and by the robot's own file, of which `own` has one at most, by its option.
+def writer_for(
+    output: Path, sources: Mapping[str, Path], base: str | None, tip: str | None, keep: Sequence[str]
+) -> Writer:
+    """Exporters by name and by the robot's own file, of which `sources` has one at most, by its option.
 
     `base`, `tip`: links between which the arm stands. `keep`: places whose errors stay out. Raises `LrmError`.
     """
-    if len(own) > 1:
-        raise LrmError(f"{' and '.join(own)} are both given; one file is made of one")
-    option, source = next(iter(own.items()), ("", output))
-    known: dict[tuple[str, str], Writer] = {
+    if len(sources) > 1:
+        raise LrmError(f"{' and '.join(sources)} are both given; one file is made of one")
+    option, source = next(iter(sources.items()), ("", output))
+    writers: dict[tuple[str, str], Writer] = {
         ("", ".xml"): lambda model, _: mjcf(_as_drawn(model, keep)),
         ("", ".mjcf"): lambda model, _: mjcf(_as_drawn(model, keep)),
         ("", ".urdf"): lambda model, _: _urdf(model, None, base, tip, keep),
@@ -56,11 +58,11 @@ def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str
     }
     if (base or tip) and output.suffix != ".urdf" and option != "--mjcf":
         raise LrmError("--base and --tip are for a URDF, or for the robot's own MJCF (--mjcf)")
-    if (option, output.suffix) not in known:
-        right = ", ".join(end for name, end in known if name == option)
+    if (option, output.suffix) not in writers:
+        right = ", ".join(end for name, end in writers if name == option)
         what = f"a {output.suffix or 'nameless'} file{f' of {option}' if option else ''}"
         raise FileError(output, "", what, f"name it {right}" if option else f"name it {right}, or give the robot's own")
-    return known[option, output.suffix]
+    return writers[option, output.suffix]
 
 
 def _urdf(

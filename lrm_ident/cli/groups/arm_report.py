@@ -66,7 +66,7 @@ def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
     )
     words = [place.removeprefix("joint") for place in arm.link_places]
     pairs = zip(words, words[1:], arm.links, strict=False)
-    parallel = [f"{one} and {other}" for one, other, link in pairs if link.leads_parallel]
+    parallel = [f"{joint} and {other}" for joint, other, link in pairs if link.leads_parallel]
     if parallel:
         yield f"(Nearly) parallel axes: {'; '.join(parallel)}."
     if not mass:

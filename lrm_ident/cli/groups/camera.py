@@ -85,7 +85,7 @@ def calibrate(
 ) -> None:
     """Calibrate a camera's lens from photos of the board: 15 or more, near and far, leaning, out to the edges."""
     the_board, files = _board(columns, rows, square_mm, dictionary, legacy), photos_in(Path(photos))
-    found, refused, sizes = [], [], set()
+    corner_sets, refused, sizes = [], [], set()
     with progress("looking for the board") as tick:
         for number, file in enumerate(files, start=1):
             picture = read_picture(file)
@@ -93,19 +93,19 @@ def calibrate(
             if isinstance(corners, RejectedPhoto):
                 refused.append((file.name, corners.reason))
             else:
-                found.append(corners)
+                corner_sets.append(corners)
                 sizes.add((picture.shape[1], picture.shape[0]))
             tick(number, len(files))
     if len(sizes) > 1:
         raise LrmError(f"{photos}: photos of {len(sizes)} sizes; a lens is calibrated for one")
     show_refused(refused)
-    if not found:
+    if not corner_sets:
         why = other_board(map(read_picture, files), the_board) or refused[0][1]
         raise LrmError(f"{photos}: {the_board} are in none of the {len(files)} photos; {why}")
-    lens = calibrate_lens(found, the_board, next(iter(sizes)))
+    lens = calibrate_lens(corner_sets, the_board, next(iter(sizes)))
     write_text(output, _toml(lens))
     show(
-        f"{len(found)} of {len(files)} photos used; corners are off by {lens.noise_px:.2f} px.",
+        f"{len(corner_sets)} of {len(files)} photos used; corners are off by {lens.noise_px:.2f} px.",
         f"Focal length {lens.focal_x_px:.0f} px of {lens.width_px}, "
         f"centre {lens.centre_x_px:.0f}, {lens.centre_y_px:.0f} px.",
         f"Lens written to {output}",
@@ -171,13 +171,13 @@ def read(
     show_refused(seen.refused)
     if not seen.rows and (why := other_board(map(read_picture, files), file.board)):
         raise LrmError(f"{photos}: {why} to camera calibrate, with photos of this board")
-    found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
+    measured = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
-    data = found.data.beside(*(one.take(found.photos.rows) for one in feedback))
+    data = measured.data.beside(*(readings.take(measured.photos.rows) for readings in feedback))
     table, source = measurements_csv(data), f"camera, {photos}"
     write_with_metadata(output, table, arm, source, frame="arm", feedback_sd_deg=feedback_sd)
-    write_text(session_file, _toml(found.session))
-    _show(found, len(files), output)
+    write_text(session_file, _toml(measured.session))
+    _show(measured, len(files), output)
 
 
 @camera_command
@@ -200,16 +200,16 @@ def export(
     show(f"{frame} at {base}: x {x:.1f}, y {y:.1f}, z {z:.1f} mm, written to {output}")
 
 
-def _show(found: CameraMeasurements, photos: int, output: Path) -> None:
-    sd = np.sqrt(np.einsum("nii->ni", found.data.positions.covariance)) / MM
-    x, y, z = (getattr(found.session.camera, f"{axis}_mm") for axis in "xyz")
-    if len(found.data) < ENOUGH_TO_LEVEL:
+def _show(measured: CameraMeasurements, photos: int, output: Path) -> None:
+    sd = np.sqrt(np.einsum("nii->ni", measured.data.positions.covariance)) / MM
+    x, y, z = (getattr(measured.session.camera, f"{axis}_mm") for axis in "xyz")
+    if len(measured.data) < ENOUGH_TO_LEVEL:
         notice(
-            f"{len(found.data)} photos: the camera was placed by the arm as drawn; from {ENOUGH_TO_LEVEL} on the "
+            f"{len(measured.data)} photos: the camera was placed by the arm as drawn; from {ENOUGH_TO_LEVEL} on the "
             "arm's own errors are taken into account"
         )
     show(
-        f"{len(found.data)} of {photos} photos used; the tool's position is known to "
+        f"{len(measured.data)} of {photos} photos used; the tool's position is known to "
         f"{np.median(sd.min(axis=1)):.2f} to {np.median(sd.max(axis=1)):.2f} mm per axis.",
         f"The camera stands at {x:.0f}, {y:.0f}, {z:.0f} mm in the arm's frame.",
         f"Measurements written to {output}; next: lrm-ident fit {output} -o model.toml",

@@ -55,89 +55,96 @@ WORDS: dict[Cause, str] = {
 SHOWN, NEW = 5, "NEW_RECORDING"
 
 
-def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
+def checkup_document(checked: EncoderCheckup, arm: Arm, name: str) -> Document:
     """Result of `lrm-ident checkup`, schema `lrm/checkup/1`."""
     names = joint_labels(arm)
-    before, after = np.degrees(found.before), np.degrees(found.after)
+    before, after = np.degrees(checked.before), np.degrees(checked.after)
     rows = list(zip(names, before.tolist(), after.tolist(), strict=True))
-    title = f"Command minus encoder at {found.rests} stops of {name}"
+    title = f"Command minus encoder at {checked.rests} stops of {name}"
     table = ResultTable(("joint", "rms_deg|.2f", "unexplained_deg|.2f"), rows)
     shown = ResultTable(("joint", "RMS, deg|.2f", "left when explained, deg|.2f"), rows, title)
     again: tuple[Block, ...] = ("", f"Next: {AGAIN}", CommandLine(f"      lrm-ident checkup {NEW}"))
-    also = "Also" if found.findings else "Next"
-    few = len(found.findings) <= FEW
+    also = "Also" if checked.findings else "Next"
+    few = len(checked.findings) <= FEW
     blocks: list[Block] = [
-        heading(_headline(found)),
-        *(f"  {_words(one, names, found)}." for one in found.findings),
+        heading(_headline(checked)),
+        *(f"  {_words(finding, names, checked)}." for finding in checked.findings),
         UNSEEN,
-        *(again if found.findings else ("",)),
+        *(again if checked.findings else ("",)),
         CommandLine(f"{also}: lrm-ident camera board -o board.pdf"),
         f"      {BOARD}",
         *(("", shown) if few else ()),
     ]
     findings = [
         {
-            "joint": names[one.joint], "cause": one.cause, "size_deg": np.degrees(one.size), "sign": one.sign,
-            "slope_deg_per_Nm": np.degrees(one.slope) if one.cause == "droop" else None,
-            "first_rest": one.rest, "p_value": one.p_value, "gain": one.slope if one.cause == "gain" else None,
-            "other_joint": other_joint(one.misread, names), "frames": list(one.frames) or None,
+            "joint": names[finding.joint], "cause": finding.cause, "size_deg": np.degrees(finding.size),
+            "sign": finding.sign,
+            "slope_deg_per_Nm": np.degrees(finding.slope) if finding.cause == "droop" else None,
+            "first_rest": finding.rest, "p_value": finding.p_value,
+            "gain": finding.slope if finding.cause == "gain" else None,
+            "other_joint": other_joint(finding.misread, names), "frames": list(finding.frames) or None,
         }
-        for one in found.findings
+        for finding in checked.findings
     ]  # fmt: skip
-    values = {"dataset": name, "arm": arm.name, "rests": found.rests, "joints": table.records(), "findings": findings}
+    values = {"dataset": name, "arm": arm.name, "rests": checked.rests, "joints": table.records(), "findings": findings}
     details = [] if few else [shown]
     return Document(blocks, "lrm/checkup/1", values, details=details, about="the error of every joint")
 
 
-def _headline(found: EncoderCheckup) -> str:
+def _headline(checked: EncoderCheckup) -> str:
     """How many faults there are, and how sure that is."""
-    count, least = len(found.findings), f"{np.degrees(MATTERS):.1f} deg"
+    count, least = len(checked.findings), f"{np.degrees(MATTERS):.1f} deg"
     if not count:
         return f"No fault found: no joint is off its command by {least} or more for a cause that encoders show."
-    chance = max(one.p_value for one in found.findings)
+    chance = max(finding.p_value for finding in checked.findings)
     sure = "" if chance == 0.0 else f" (chance alone: p {p_words(chance)})"
     return f"{count} fault{'s' if count > 1 else ''} found by command and encoder{sure}:"
 
 
-def card_paragraph(found: EncoderCheckup, arm: Arm) -> str:
+def card_paragraph(checked: EncoderCheckup, arm: Arm) -> str:
     """Markdown for the card of a dataset: how far its commands and encoders agree, and what the arm has."""
-    names, rms = joint_labels(arm), np.degrees(found.before)
+    names, rms = joint_labels(arm), np.degrees(checked.before)
     worst = int(rms.argmax())
-    named = [f"- {_words(one, names, found)}" for one in found.findings]
+    named = [f"- {_words(finding, names, checked)}" for finding in checked.findings]
     lines = [
         "## Check of the arm", "",
-        f"`lrm-ident checkup` compared command (`action`) and encoder (`observation.state`) at {found.rests} stops of "
-        f"{arm.name}. They differ by {np.median(rms):.2f}° RMS (median joint) and {rms[worst]:.2f}° ({names[worst]}).",
+        f"`lrm-ident checkup` compared command (`action`) and encoder (`observation.state`) at {checked.rests} stops "
+        f"of {arm.name}. They differ by {np.median(rms):.2f}° RMS (median joint) and {rms[worst]:.2f}° "
+        f"({names[worst]}).",
         "", *(named or ["No joint has a fault that encoders show."]),
         "", "Encoders cannot show play behind a servo, bent parts, or a zero that command and encoder share.",
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
-def _words(one: EncoderFinding, names: Sequence[str], found: EncoderCheckup) -> str:
-    if one.misread is not None:
-        return misread_words(one.misread, names)
-    rest, count = one.rest or 0, len(one.frames)
-    frames = f"{count} frames ({one.frames[0]} to {one.frames[-1]})" if one.frames else ""
-    return f"{names[one.joint]} " + WORDS[one.cause].format(
-        size=f"{np.degrees(one.size):.1f} deg", slope=f"{np.degrees(one.slope):.1f} deg per N·m",
-        side="above" if one.sign > 0 else "below", rest=rest + 1, episode=int(found.episode[rest]),
-        gain=f"{one.slope:.3g}", frames=frames,
+def _words(finding: EncoderFinding, names: Sequence[str], checked: EncoderCheckup) -> str:
+    if finding.misread is not None:
+        return misread_words(finding.misread, names)
+    rest, count = finding.rest or 0, len(finding.frames)
+    frames = f"{count} frames ({finding.frames[0]} to {finding.frames[-1]})" if finding.frames else ""
+    return f"{names[finding.joint]} " + WORDS[finding.cause].format(
+        size=f"{np.degrees(finding.size):.1f} deg", slope=f"{np.degrees(finding.slope):.1f} deg per N·m",
+        side="above" if finding.sign > 0 else "below", rest=rest + 1, episode=int(checked.episode[rest]),
+        gain=f"{finding.slope:.3g}", frames=frames,
     )  # fmt: skip
 
 
-def misread_words(one: Misreading, names: Sequence[str]) -> str:
+def misread_words(misread: Misreading, names: Sequence[str]) -> str:
     """The mistake at a joint in words, and what a person does about it."""
-    rests = f"{one.rests} stop{'s' if one.rests > 1 else ''}"
-    turned = f"its limits at {rests}, {one.what}" if one.what else f"its command at {rests}"
-    return f"{names[one.joint]} " + WORDS[one.mistake].format(
-        size=f"{np.degrees(one.size):.1f} deg", turned=turned, other=other_joint(one, names), what=one.what, rests=rests
+    rests = f"{misread.rests} stop{'s' if misread.rests > 1 else ''}"
+    turned = f"its limits at {rests}, {misread.what}" if misread.what else f"its command at {rests}"
+    return f"{names[misread.joint]} " + WORDS[misread.mistake].format(
+        size=f"{np.degrees(misread.size):.1f} deg",
+        turned=turned,
+        other=other_joint(misread, names),
+        what=misread.what,
+        rests=rests,
     )
 
 
-def other_joint(one: Misreading | None, names: Sequence[str]) -> str | None:
+def other_joint(misread: Misreading | None, names: Sequence[str]) -> str | None:
     """The joint that one is swapped with; None of all other mistakes."""
-    return None if one is None or one.other is None else names[one.other]
+    return None if misread is None or misread.other is None else names[misread.other]
 
 
 def studied(data: Measurements) -> tuple[Sequence[tuple[str, Study]], DiagnosisReport]:
@@ -145,11 +152,11 @@ def studied(data: Measurements) -> tuple[Sequence[tuple[str, Study]], DiagnosisR
     from lrm_ident.study.study import Study  # here: a checkup without video computes nothing
 
     fitted = Study.of(data).fit()
-    found = fitted.diagnose()
-    if found.first is None:
-        return [("fitted", fitted)], found
-    name = found.first.scored.name
-    return [("fitted", fitted), (f"with {name}", fitted.add(name))], found
+    diagnosis = fitted.diagnose()
+    if diagnosis.first is None:
+        return [("fitted", fitted)], diagnosis
+    name = diagnosis.first.scored.name
+    return [("fitted", fitted), (f"with {name}", fitted.add(name))], diagnosis
 
 
 def with_video(
@@ -159,7 +166,7 @@ def with_video(
     output: Path,
 ) -> Document:
     """Result of `lrm-ident checkup --video`: that of the encoders, and the table `video`."""
-    steps, found = result
+    steps, checked = result
     nominal = steps[0][1].errors.nominal
     rows: list[tuple[str, float, float | None]] = [("nominal", 1e3 * nominal.rms, None)]
     for name, study in steps:
@@ -172,12 +179,12 @@ def with_video(
     if of_no_use:
         blocks.append(ListSection(f"{len(of_no_use)} stops are of no use:", tuple(of_no_use[:SHOWN])))
     blocks.append(table)
-    named = None if found.first is None else found.first.scored.name
-    words = found.verdict.replace("_", " ") if found.first is None else found.first.why
+    named = None if checked.first is None else checked.first.scored.name
+    words = checked.verdict.replace("_", " ") if checked.first is None else checked.first.why
     next_one = f"lrm-ident fit {output} -o model.toml; lrm-ident diagnose model.toml {output}"
     blocks += section("What the video shows", (words, f"Measurements written to {output}. For the details: {next_one}"))
     video = {
-        "rests": count, "used": len(photos.data), "refused": dict(photos.photos.refused), "verdict": found.verdict,
+        "rests": count, "used": len(photos.data), "refused": dict(photos.photos.refused), "verdict": checked.verdict,
         "named": named, "errors": table.records(),
     }  # fmt: skip
     return replace(document, blocks=[*document.blocks, *blocks], values={**document.values, "video": video})

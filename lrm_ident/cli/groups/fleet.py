@@ -43,17 +43,17 @@ def fleet(
     members = read_manifest(manifest)
     with executor_for(cluster, most=len(members)) as pool, progress(f"identifying {len(members)} arms") as tick:
         records = run_fleet(members, results, pool, tick)
-    found = fleet_result(members, records, results / MODELS)
-    document = fleet_document(found)
+    result = fleet_result(members, records, results / MODELS)
+    document = fleet_document(result)
     publish(document, json, in_full=show_all)
-    write_text(results / "fleet.csv", table_csv(found))
-    parquet = table_parquet(found)
+    write_text(results / "fleet.csv", table_csv(result))
+    parquet = table_parquet(result)
     if parquet is not None:
         write_bytes(results / "fleet.parquet", parquet)
-    write_text(results / "fleet.html", fleet_page(found, manifest.name))
+    write_text(results / "fleet.html", fleet_page(result, manifest.name))
     written = "models/, fleet.csv, fleet.html" + (", fleet.parquet" if parquet is not None else "")
-    if isinstance(found.known, FleetKnowledge):
-        source = f"{found.known.arms} arms of {manifest.name}, lrm-ident fleet"
-        write_text(results / "prior.toml", prior_text(found.known, f"fleet {manifest.stem}", source))
+    if isinstance(result.known, FleetKnowledge):
+        source = f"{result.known.arms} arms of {manifest.name}, lrm-ident fleet"
+        write_text(results / "prior.toml", prior_text(result.known, f"fleet {manifest.stem}", source))
         written += ", prior.toml"
     show(f"Written to {results}: {written}")

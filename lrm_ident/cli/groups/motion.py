@@ -159,8 +159,8 @@ def diagnose(
 ) -> None:
     """Find the effect of motion that a model is missing."""
     with _opened(model, source) as (_, study):
-        found = study.screen()
-    publish(diagnosis_document(study, found, str(model), words_of(source)), json, in_full=show_all)
+        screenings = study.screen()
+    publish(diagnosis_document(study, screenings, str(model), words_of(source)), json, in_full=show_all)
 
 
 @command_of(group)
@@ -253,16 +253,16 @@ def design(
     from lrm_ident.measuring.excitation.design_report import motion_design_document
     from lrm_ident.measuring.excitation.motion_design import MotionDesignTask, motion_design
 
-    known = load_motion(model)[1]
-    rivals = tuple(effect_of(known.arm, name.strip()) for name in separate.split(",") if name.strip())
-    by_tip = known.arm.joints[0].servo is not None
+    motion_model = load_motion(model)[1]
+    rivals = tuple(effect_of(motion_model.arm, name.strip()) for name in separate.split(",") if name.strip())
+    by_tip = motion_model.arm.joints[0].servo is not None
     noise = 1e-3 * noise_mm if by_tip else math.radians(noise_deg)
     rate = None if speed is None else math.radians(speed)
-    task = MotionDesignTask(known, rivals, count, noise, by_tip, rate, seed)
+    task = MotionDesignTask(motion_model, rivals, count, noise, by_tip, rate, seed)
     with bars() as tick:
-        found = motion_design(task, tick)
-    document = motion_design_document(task, found, str(output))
-    write_text(output, found.sequence.csv())
+        designed = motion_design(task, tick)
+    document = motion_design_document(task, designed, str(output))
+    write_text(output, designed.sequence.csv())
     publish(document, json)
     show(f"Moves written to {output}")
 
@@ -321,11 +321,14 @@ def settle(
     moves = load_motion(model)[1]
     plan, labels = load_plan(poses, moves.arm), joint_labels(moves.arm)
     notice(*plan.notices)
-    found = settling_times(moves, [pose.q for pose in plan.poses], speed, 1e-3 * within_mm)
-    rows = [(pose.number, one.seconds, labels[one.joint]) for pose, one in zip(plan.poses[1:], found, strict=True)]
+    settled = settling_times(moves, [pose.q for pose in plan.poses], speed, 1e-3 * within_mm)
+    rows = [
+        (pose.number, settling.seconds, labels[settling.joint])
+        for pose, settling in zip(plan.poses[1:], settled, strict=True)
+    ]
     title = f"Time after a move until the tip stays within {within_mm:g} mm of its rest"
     table = ResultTable(("pose|d", "settle_s|.2f", "joint"), rows, title)
-    most = longest(found).seconds
+    most = longest(settled).seconds
     last = f"At most {most:.2f} s. lrm-ident measure --motion {model} waits so long at every pose."
     publish(Document([table, last], "lrm/motion-settling/1", {"moves": table.records(), "longest_s": most}), json)
 
@@ -337,17 +340,17 @@ def effects(
     show_all: arg.ShowAll = False,
 ) -> None:
     """Explain the effects of motion: cause, formula, parameters, and what shows them."""
-    known = {kind.id: kind for kind in MOTION_EFFECTS}
-    if name is not None and name not in known:
-        raise UnknownName("effect of motion", name, list(known))
+    by_id = {kind.id: kind for kind in MOTION_EFFECTS}
+    if name is not None and name not in by_id:
+        raise UnknownName("effect of motion", name, list(by_id))
     if name is None:
-        rows = [(kind.id, WORDS[kind.id]["name"].format(place="a joint"), kind.about.cause) for kind in known.values()]
+        rows = [(kind.id, WORDS[kind.id]["name"].format(place="a joint"), kind.about.cause) for kind in by_id.values()]
         table = ResultTable(("effect", "name", "cause"), rows, "Effects of motion")
-        names = list(listed("lrm-ident motion effects EFFECT", "Effects of motion", list(known)))
+        names = list(listed("lrm-ident motion effects EFFECT", "Effects of motion", list(by_id)))
         document = Document(names, "lrm/motion-effects/1", {"effects": table.records()}, None, [table], "their causes")
         publish(document, json, in_full=show_all)
         return
-    kind = known[name]
+    kind = by_id[name]
     sizes = [(p.name, p.meaning, p.typical / p.si, p.lower / p.si, p.upper / p.si) for p in kind.parameters]
     table = ResultTable(("parameter", "meaning", "typical|g", "least|g", "most|g"), sizes, "Parameters")
     about = kind.about

@@ -99,12 +99,12 @@ def import_(
     stated = stated_reading({"axes": axes, "angle_unit": angle_unit})
     order = RecordingOrder(tool, base, times, skip, dwell, stated.axes, kind, stated.angle_unit, orientation)
     name, the_arm = arm_for(poses, arm)
-    found = import_recording(recording, poses, the_arm, order)
-    write_with_metadata(output, found.csv(), name, f"import: {recording.name}")
-    notice(*found.notices)
-    for number, why in found.left_out.items():
+    imported = import_recording(recording, poses, the_arm, order)
+    write_with_metadata(output, imported.csv(), name, f"import: {recording.name}")
+    notice(*imported.notices)
+    for number, why in imported.left_out.items():
         show(f"left out: pose {number}: {why}")
-    show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
+    show(f"{len(imported.tip)} of {len(imported.tip) + len(imported.left_out)} poses are in {output}")
 
 
 def _import_lerobot(
@@ -124,7 +124,7 @@ def _import_lerobot(
     left_out = (
         [f"{len(gone)} frames without a number of {', '.join(lost)} left out: {gone[0]} to {gone[-1]}"] if lost else []
     )
-    notice(*frames.notices, *left_out, *(misread_words(one, labels) for one in rests.misread))
+    notice(*frames.notices, *left_out, *(misread_words(misread, labels) for misread in rests.misread))
     sd, source = round(float(np.degrees(rests.feedback_sd)), 5), f"LeRobot dataset {dataset.name}"
     write_with_metadata(output, rests_csv(rests), name, source, feedback_sd_deg=sd)
     off = np.degrees(rests.feedback - rests.command)
@@ -194,13 +194,13 @@ def checkup(
     the_arm, folder = load_arm(arm), dataset_folder(dataset, video is not None)
     frames = read_frames(folder, the_arm, stated_reading({"angle_unit": angle_unit}).angle_unit, prefix)
     notice(*frames.notices)
-    found = check(frames, the_arm, dwell)
-    document = checkup_document(found, the_arm, dataset.name)
+    checked = check(frames, the_arm, dwell)
+    document = checkup_document(checked, the_arm, dataset.name)
     if card is not None:
-        write_text(card, card_paragraph(found, the_arm))
+        write_text(card, card_paragraph(checked, the_arm))
     if video is None or lens is None or output is None:
         publish(document, json, in_full=show_all)
-        raise Exit(1 if found.findings else 0)
+        raise Exit(1 if checked.findings else 0)
     from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
     from lrm_ident.measuring.camera.lens import Lens
     from lrm_ident.measuring.recordings.lerobot_video import measure_video
@@ -211,4 +211,4 @@ def checkup(
     publish(
         with_video(document, photos, studied(read_measurements(output, the_arm, arm)), output), json, in_full=show_all
     )
-    raise Exit(1 if found.findings else 0)
+    raise Exit(1 if checked.findings else 0)

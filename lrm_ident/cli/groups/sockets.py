@@ -78,28 +78,28 @@ def plan(
     """Choose where to put the board and in which postures to touch it, before measuring."""
     from lrm_ident.measuring.sockets.touch_plan import plan_touches
 
-    known = None if board is None else metadata_of(board)
-    if board is not None and (known is None or not known.points):
+    board_metadata = None if board is None else metadata_of(board)
+    if board is not None and (board_metadata is None or not board_metadata.points):
         raise FileError(board, "", "states no [points]", "give the file that sockets board wrote")
-    points = SocketBoard().points if known is None or known.points is None else known.points
+    points = SocketBoard().points if board_metadata is None or board_metadata.points is None else board_metadata.points
     described = load_arm(arm)
     with progress("trying placements") as tick:
-        found = plan_touches(described, points, count, placements, noise_mm * MM, seed, tick)
+        planned = plan_touches(described, points, count, placements, noise_mm * MM, seed, tick)
     show(f"{count} touches of {described.name} at {placements} placements. Put the board:")
-    for number, placement in enumerate(found.placements, start=1):
-        show(f"  placement {number} ({found.placement.count(number)} touches): {placement.words}")
+    for number, placement in enumerate(planned.placements, start=1):
+        show(f"  placement {number} ({planned.placement.count(number)} touches): {placement.words}")
     show(
-        f"Expected error of the tip: {found.tip_error / MM:.2f} mm RMS by the noise of {noise_mm:g} mm per axis "
-        f"(random postures at these placements: {found.random_tip_error / MM:.2f} mm; a tracker of this noise: "
-        f"{found.tracker_error / MM:.2f} mm).",
+        f"Expected error of the tip: {planned.tip_error / MM:.2f} mm RMS by the noise of {noise_mm:g} mm per axis "
+        f"(random postures at these placements: {planned.random_tip_error / MM:.2f} mm; a tracker of this noise: "
+        f"{planned.tracker_error / MM:.2f} mm).",
         "By number of touches (-n): "
         + "; ".join(
             f"{touches}: {error / MM:.2f} mm, {touches * BY_HAND_S / 60.0:.0f} min by hand"
-            for touches, error in found.error_of.items()
+            for touches, error in planned.error_of.items()
         )
         + ".",
     )
-    write_text(output, found.csv())
+    write_text(output, planned.csv())
     show(
         f"The touches are in {output}: move near each posture, bring the tip into its socket, record.",
         "A board may stand 20 mm or 10 deg elsewhere: where it stood is identified.",
@@ -131,17 +131,17 @@ def record(
     kind = next((kind for kind in BUSES if robot.startswith(kind.prefix)), None)
     if kind is None:
         raise LrmError(f"--robot {robot}: should begin with {' or '.join(each.prefix for each in BUSES)}")
-    described, known = load_arm(arm), None if board is None else metadata_of(board)
-    if board is not None and (known is None or not known.points):
+    described, board_metadata = load_arm(arm), None if board is None else metadata_of(board)
+    if board is not None and (board_metadata is None or not board_metadata.points):
         raise FileError(board, "", "states no [points]", "give the file that sockets board wrote")
-    places = {} if known is None else known.points or {}
+    places = {} if board_metadata is None else board_metadata.points or {}
     chosen = points_to_touch(points, [*places])
     with limp_bus(robot, kind, described) as servos:
         log = TouchLog(output, described.dof)
         if not output.with_suffix(".toml").exists():
             about: dict[str, object] = {
                 "points": places or None,
-                "distances": None if known is None else known.distances,
+                "distances": None if board_metadata is None else board_metadata.distances,
             }
             about["servos"] = settings_tables(servos.settings())
             text = metadata_toml(arm_name_for(arm, output.parent), f"sockets record: {robot}", **about)

@@ -59,13 +59,13 @@ def transfer(
     if not to:
         raise LrmError("transfer: --to ARM is missing: the arm file of the place that the arm goes to")
     catalogue = catalogue_with(effects_file)
-    found, notices = read_transfer(model, to, catalogue, None if noise_mm is None else noise_mm * 1e-3)
+    transfer_result, notices = read_transfer(model, to, catalogue, None if noise_mm is None else noise_mm * 1e-3)
     notice(*notices)
     if few is not None:
-        found = identified(found, read_measurements(few, found.model.arm, to, reading))
+        transfer_result = identified(transfer_result, read_measurements(few, transfer_result.model.arm, to, reading))
     with bars() as progress:
-        expected = expected_errors(found.start, progress=partial(progress, "choosing poses"))
+        expected = expected_errors(transfer_result.start, progress=partial(progress, "choosing poses"))
     if output:
-        found.save(output)
-    publish(transfer_document(found, expected), json)
+        transfer_result.save(output)
+    publish(transfer_document(transfer_result, expected), json)
     show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")

@@ -89,7 +89,7 @@ def named_columns(file: CsvTable, how: Reading = AS_NAMED, arm: Arm | None = Non
     return replace(table, columns=columns)
 
 
-def arm_columns(file: CsvTable, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
+def arm_columns(file: CsvTable, arm: Arm, how: Reading, quantities: Sequence[PoseQuantity]) -> CsvTable:
     """The table of a file of an arm's poses, as `named_columns`, with notices of its columns.
 
     Raises `FileError`: the file has another number of joints, or rows of several arms.
@@ -100,7 +100,7 @@ def arm_columns(file: CsvTable, arm: Arm, how: Reading, known: Sequence[PoseQuan
     if not {*stated} <= {ANGLE.format(number) for number in range(1, arm.dof + 1)}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
         raise FileError(file.path, "header", what, "is this another arm?")
-    return replace(named, notices=(*_notices(named, known), *named.notices))
+    return replace(named, notices=(*_notices(named, quantities), *named.notices))
 
 
 def _check_one_arm(table: CsvTable) -> None:
@@ -116,33 +116,33 @@ def _check_one_arm(table: CsvTable) -> None:
 def stated_units(table: CsvTable) -> Reading:
     """Units of the file's positions and angles."""
     factors = {column.name: column.factor for column in table.columns}
-    lengths, angles = ({factor: unit for unit, factor in FACTORS[own].items()} for own in ("mm", "deg"))
+    lengths, angles = ({factor: unit for unit, factor in FACTORS[base_unit].items()} for base_unit in ("mm", "deg"))
     units = {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": angles[factors.get("q1_deg", 1.0)]}
     return Reading.model_validate(units)
 
 
-def unused_columns(table: CsvTable, known: Sequence[PoseQuantity]) -> tuple[str, ...]:
-    """Names of the columns that mean none of the `known` quantities."""
-    names = _meant(known)
+def unused_columns(table: CsvTable, quantities: Sequence[PoseQuantity]) -> tuple[str, ...]:
+    """Names of the columns that mean none of the `quantities` quantities."""
+    names = _meant(quantities)
     return tuple(name for name in table.header if name and name not in names)
 
 
-def _meant(known: Sequence[PoseQuantity]) -> set[str]:
-    return {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
+def _meant(quantities: Sequence[PoseQuantity]) -> set[str]:
+    return {*(name for quantity in quantities for name in quantity.columns), POINT, PLACEMENT}
 
 
-def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
+def _notices(table: CsvTable, quantities: Sequence[PoseQuantity]) -> list[str]:
     """Columns that are not used, and those that are read under another name or in another unit."""
-    names, unknown = _meant(known), unused_columns(table, known)
+    names, unknown = _meant(quantities), unused_columns(table, quantities)
     absent = {what: name for name, what in MISSED if name in names and name not in table.header}
     hint = f". If one is a {_either([*absent])}, name it {_either([*absent.values()])}" if absent else ""
     notices = [f"columns not used: {', '.join(unknown)}{hint}"] if unknown else []
     taken = [
-        own
-        for own in table.columns
-        if own.name in names
-        and own.name != own.stated
-        and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
+        reading
+        for reading in table.columns
+        if reading.name in names
+        and reading.name != reading.stated
+        and (reading.factor != 1.0 or not reading.stated.lower().startswith(reading.name))
     ]
     return [*notices, f"read as: {', '.join(_taken_for(taken))}"] if taken else notices
 
@@ -154,11 +154,14 @@ def _either(words: Sequence[str]) -> str:
 def _taken_for(columns: Sequence[Column]) -> Iterator[str]:
     """What columns were taken for; of columns that differ by their number alone the first and the last."""
     for (_, _, factor), each in groupby(
-        columns, lambda own: (_unnumbered(own.name), _unnumbered(own.stated), own.factor)
+        columns, lambda reading: (_unnumbered(reading.name), _unnumbered(reading.stated), reading.factor)
     ):
         alike = list(each)
         ends = [alike[0], *alike[1:][-1:]]
-        names, stated = " … ".join(own.name for own in ends), " … ".join(f"'{own.stated}'" for own in ends)
+        names, stated = (
+            " … ".join(reading.name for reading in ends),
+            " … ".join(f"'{reading.stated}'" for reading in ends),
+        )
         yield f"{names} = {stated}" + ("" if factor == 1.0 else f" times {factor:.6g}")
 
 
@@ -173,7 +176,7 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
     """
     named = _names_of_joints(table, joints) or _numbered_alike(table, len(joints))
     turned = _leica_quaternion(table)
-    found = [
+    readings = [
         Column(turned[name], name)
         if name in turned
         else Column(name, name)
@@ -181,15 +184,17 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
         else column_name(name, named)
         for name in table.header
     ]
-    exact = {known.name for known in found if known and known.name == known.stated}
+    exact = {reading.name for reading in readings if reading and reading.name == reading.stated}
     same: defaultdict[str, list[str]] = defaultdict(list)
     columns = []
-    for known, name in zip(found, table.header, strict=True):
-        if known is None or (name != known.name and known.name in exact and not _is_measured(known.name)):
+    for our_reading, name in zip(readings, table.header, strict=True):
+        if our_reading is None or (
+            name != our_reading.name and our_reading.name in exact and not _is_measured(our_reading.name)
+        ):
             columns.append(Column(name, name))
         else:
-            columns.append(known)
-            same[known.name].append(name)
+            columns.append(our_reading)
+            same[our_reading.name].append(name)
     for ours, theirs in same.items():
         if len(theirs) > 1:
             twice = len(set(theirs)) == 1
@@ -218,11 +223,11 @@ def _numbered_alike(table: CsvTable, count: int) -> dict[str, str]:
 
     Empty where a column is known as a joint's, or not exactly one such family has as many columns as the arm joints.
     """
-    known = [column_name(name) for name in table.header]
-    if any(column is not None and ANGLES.fullmatch(column.name) for column in known):
+    our_names = [column_name(name) for name in table.header]
+    if any(column is not None and ANGLES.fullmatch(column.name) for column in our_names):
         return {}
     families: defaultdict[str, dict[int, str]] = defaultdict(dict)
-    for name, column in zip(table.header, known, strict=True):
+    for name, column in zip(table.header, our_names, strict=True):
         for words, unit in _readings(name) if column is None else ():
             if (numbered := re.fullmatch(r"(\D+)(\d+)", words)) and unit in (None, *ANGLE_UNITS):
                 families[numbered[1]][int(numbered[2])] = words
@@ -268,17 +273,17 @@ def _with_units(table: CsvTable) -> CsvTable:
     """
     words = [cell.strip().strip("[]()") for cell in table.rows[0]] if table.rows else []
     words = ["" if word in NO_UNIT else word for word in words]
-    known = [UNIT_WORDS.get(word.lower()) for word in words]
-    if not any(known) or any(map(is_number, words)):
+    word_units = [UNIT_WORDS.get(word.lower()) for word in words]
+    if not any(word_units) or any(map(is_number, words)):
         return table
-    units = [unit or _stated_unit(table, *each) for *each, unit in zip(table.header, words, known, strict=True)]
+    units = [unit or _stated_unit(table, *each) for *each, unit in zip(table.header, words, word_units, strict=True)]
     columns = []
     for name, unit in zip(table.header, units, strict=True):
-        own = next((own for _, own in _readings(name) if own), None)
-        if unit and own and own != unit:
+        reading = next((candidate for _, candidate in _readings(name) if candidate), None)
+        if unit and reading and reading != unit:
             right = "leave the row of units out, or correct it"
             raise FileError(table.path, f"line {table.lines[0]}, column {name}", f"its unit is stated as {unit}", right)
-        stated = f"{name} [{unit}]" if unit and not own else name
+        stated = f"{name} [{unit}]" if unit and not reading else name
         columns.append(Column(stated, stated))
     return replace(table.without(table.rows[0]), columns=tuple(columns))
 
@@ -291,11 +296,13 @@ def _stated_unit(table: CsvTable, name: str, word: str) -> str:
     column = column_name(name)
     if not word or column is None:
         return word
-    own = column.name.rpartition("_")[2]
-    if own in FACTORS:
-        known = ", ".join(text for text, unit in UNIT_WORDS.items() if unit == own or unit in FACTORS[own])
+    unit_stated = column.name.rpartition("_")[2]
+    if unit_stated in FACTORS:
+        same_kind = ", ".join(
+            text for text, unit in UNIT_WORDS.items() if unit == unit_stated or unit in FACTORS[unit_stated]
+        )
         where = f"line {table.lines[0]}, column {name}"
-        raise FileError(table.path, where, f"the unit '{word}' is not known", f"one of {known}")
+        raise FileError(table.path, where, f"the unit '{word}' is not known", f"one of {same_kind}")
     return ""
 
 
@@ -310,8 +317,8 @@ def column_name(text: str, named: Mapping[str, str] = MappingProxyType({})) -> C
     """
     for words, unit in _readings(text):
         joint, position = JOINT.fullmatch(words), COORDINATE.fullmatch(words)
-        own = f"q{int(joint[1])}_deg" if joint else f"{position[1]}_mm" if position else ALIASES.get(words)
-        name = named.get(words, own)
+        standard_name = f"q{int(joint[1])}_deg" if joint else f"{position[1]}_mm" if position else ALIASES.get(words)
+        name = named.get(words, standard_name)
         factors = {None: 1.0} | FACTORS.get((name or "").rpartition("_")[2], {})
         if name is not None and unit in factors:
             return Column(name, text, factors[unit])

@@ -81,9 +81,9 @@ def metadata_of(path: Path) -> Metadata | None:
         return None
     metadata = read_toml(file, Metadata)
     for key, value in metadata.model_dump(exclude_none=True).items():
-        found = implausible_value(PLAUSIBLE[key], value) if key in PLAUSIBLE else None
-        if found:
-            raise FileError(file, key, found.what, found.right)
+        fault = implausible_value(PLAUSIBLE[key], value) if key in PLAUSIBLE else None
+        if fault:
+            raise FileError(file, key, fault.what, fault.right)
     return metadata
 
 

@@ -69,8 +69,8 @@ KNOWN = (
     *(quantity for kind in KINDS for quantity in kind.quantities),
 )
 """All quantities but those of single joints."""
-ALIASES = {alias: known.columns[0] for known in KNOWN for alias in known.aliases} | {
-    column: column for known in KNOWN for column in known.columns if "_" not in column
+ALIASES = {alias: quantity.columns[0] for quantity in KNOWN for alias in quantity.aliases} | {
+    column: column for quantity in KNOWN for column in quantity.columns if "_" not in column
 }
 """Columns by the other names that they may have, and by their own where that has no unit."""
 
@@ -96,8 +96,8 @@ def measured_quantities(arm: Arm, how: Reading = AS_NAMED) -> tuple[PoseQuantity
     """Quantities that a measurement file of an arm states, read as `how` says."""
     angles, *others = quantities_of_joints(arm.dof, how)
     limits = tuple((joint.lower, joint.upper) for joint in arm.joints)
-    known = (replace(each, size=_load(arm)) if each.name == "payload" else each for each in KNOWN)
-    return (replace(angles, limits=limits), *others, *known)
+    quantities = (replace(each, size=_load(arm)) if each.name == "payload" else each for each in KNOWN)
+    return (replace(angles, limits=limits), *others, *quantities)
 
 
 def commanded_quantities(arm: Arm, how: Reading = AS_NAMED) -> tuple[PoseQuantity, ...]:

@@ -61,16 +61,16 @@ def read_measured(
     Raises `FileError`.
     """
     said = conventions_of(path, arm, reading, usual)
-    file, known = read_table(path), measured_quantities(arm, said.how)
-    cells = without_summary(arm_columns(file, arm, said.how, known).once())
+    file, quantities = read_table(path), measured_quantities(arm, said.how)
+    cells = without_summary(arm_columns(file, arm, said.how, quantities).once())
     require_points(cells, said.metadata)
     units = stated_units(cells)
-    table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
+    table = checked_rows(read_numbers(cells, quantities, said.how.bad_rows == "skip"))
     beside, power = said.metadata.beside, said.metadata.power_on
     poses = read_poses(table, arm, said.how, said.start, beside, power)
     data = Measurements(
         poses=poses,
-        observations=tuple(one for kind in KINDS for one in kind.read(table, said.metadata)),
+        observations=tuple(observation for kind in KINDS for observation in kind.read(table, said.metadata)),
         pose=table.integers("pose"),
         repeat_of=table.integers("repeat_of"),
         source=Source(
@@ -82,7 +82,7 @@ def read_measured(
             servos=said.metadata.servos,
             reading=said.how,
             stated=said.how.over(units),
-            unused=unused_columns(cells, known),
+            unused=unused_columns(cells, quantities),
         ),
     )
     touched = with_touches(data, table, said.metadata)
@@ -120,8 +120,8 @@ def load_pose_table(
     """Poses as `load_poses` reads them, and their table, with the quantities `more` as far as they are there."""
     said = conventions_of(path, arm, reading)
     how = said.how
-    known = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
-    table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
+    quantities = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
+    table = read_numbers(arm_columns(read_table(path), arm, how, quantities), quantities)
     for _, error in table.beyond:
         raise error
     return read_poses(table, arm, how, said.start, power=said.metadata.power_on).turned(motion_of(how)[0]), table
@@ -138,6 +138,6 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[list[EncoderReadings], flo
     Raises `FileError`.
     """
     said = conventions_of(path, arm, AS_NAMED)
-    known = [each for each in measured_quantities(arm, said.how) if each.name in ("angles", "feedback")]
-    table = read_numbers(arm_columns(read_table(path), arm, said.how, known), known)
+    quantities = [each for each in measured_quantities(arm, said.how) if each.name in ("angles", "feedback")]
+    table = read_numbers(arm_columns(read_table(path), arm, said.how, quantities), quantities)
     return [*EncoderReadings.read(table, said.metadata)], said.metadata.feedback_sd_deg

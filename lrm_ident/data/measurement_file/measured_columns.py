@@ -33,19 +33,23 @@ def with_comparable(data: Measurements, table: NumberTable, arm: Arm) -> Measure
     Raises `FileError`: poses that have nothing else, or a covariance that is not positive definite.
     """
     first, used, notices = data.first, [*data.observations], list[str]()
-    for one in data.observations:
-        if one is first or not one.measured.any() or (one.states_noise and first.states_noise):
+    for observation in data.observations:
+        if observation is first or not observation.measured.any() or (observation.states_noise and first.states_noise):
             continue
-        needed = ", and ".join(f"{each.needs} (of {each.words})" for each in (one, first) if not each.states_noise)
-        if (one.measured & ~first.measured).any() and one.is_length:
-            what = f"some rows have {first.words}, others only {one.words}"
+        needed = ", and ".join(
+            f"{each.needs} (of {each.words})" for each in (observation, first) if not each.states_noise
+        )
+        if (observation.measured & ~first.measured).any() and observation.is_length:
+            what = f"some rows have {first.words}, others only {observation.words}"
             raise FileError(table.cells.path, "header", what, f"state the standard deviations {needed}")
-        used.remove(one)
-        notices.append(f"not used: {one.words}; state the standard deviations {needed}")
+        used.remove(observation)
+        notices.append(f"not used: {observation.words}; state the standard deviations {needed}")
     if not data.positions.measured.any():
         notices.append(f"no positions: every error is one of the {first.words}")
-    doubts = [words for one in used for words in one.doubts(arm)]
-    seen = replace(data, observations=tuple(one.weighed() for one in used) if len(used) > 1 else tuple(used))
+    doubts = [words for observation in used for words in observation.doubts(arm)]
+    seen = replace(
+        data, observations=tuple(observation.weighed() for observation in used) if len(used) > 1 else tuple(used)
+    )
     _check_definite(seen, table)
     return seen.noting(*doubts, *notices)
 
@@ -109,8 +113,8 @@ def without_copies(data: Measurements, table: NumberTable) -> Measurements:
     numbers = [table[name] for name in table.quantities if name not in ("pose", "repeat_of")]
     rows = np.nan_to_num(np.concatenate(numbers, axis=1), nan=np.inf) + 0.0
     original = dict(zip(map(bytes, rows[::-1]), table.integers("pose")[::-1].tolist(), strict=True))
-    own = dict(zip(table.integers("pose").tolist(), map(bytes, rows), strict=True))
-    copied = np.array([original[own[number]] != number for number in data.pose.tolist()], dtype=np.bool_)
+    copies = dict(zip(table.integers("pose").tolist(), map(bytes, rows), strict=True))
+    copied = np.array([original[copies[number]] != number for number in data.pose.tolist()], dtype=np.bool_)
     copied &= data.repeat_of == data.pose
     if not copied.any():
         return data

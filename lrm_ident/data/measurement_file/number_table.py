@@ -148,7 +148,7 @@ def _column(cells: CsvTable, name: str) -> tuple[list[str], float]:
     return [row[j] for row in cells.rows], cells.columns[j].factor
 
 
-def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | None = None) -> NumberTable:
+def read_numbers(cells: CsvTable, quantities: Sequence[PoseQuantity], skip: bool | None = None) -> NumberTable:
     """The known quantities, SI; angles beyond the arm's limits that are within them a full turn away are that.
 
     Args:
@@ -157,31 +157,33 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
 
     Raises `FileError`: a required column is missing, what is no number or cannot be one, or is stated in part.
     """
-    cells = _without_unreadable(with_numbered_sessions(cells), known)
+    cells = _without_unreadable(with_numbered_sessions(cells), quantities)
     header = {*cells.header}
-    wanted = (each for each in known if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header))
+    wanted = (
+        each for each in quantities if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header)
+    )
     cells = _require(cells, [name for each in wanted for name in each.columns])
     parsed = {
         name: _parsed(cells, name, each.may_be_empty or not header.isdisjoint(each.unless))
-        for each in known
+        for each in quantities
         for name in each.columns
         if name in header
     }
-    faults = sorted((row, name, what) for name, (_, found) in parsed.items() for row, what in found.items())
+    faults = sorted((row, name, what) for name, (_, wrong) in parsed.items() for row, what in wrong.items())
     kept = np.setdiff1d(np.arange(len(cells.rows)), [row for row, _, _ in faults])
-    good = _without_faults(cells, known, faults, kept, skip) if faults else cells
+    good = _without_faults(cells, quantities, faults, kept, skip) if faults else cells
     columns = {name: values[kept] for name, (values, _) in parsed.items() if name != "t_s"}
-    there = [each for each in known if not header.isdisjoint(each.columns)]
+    there = [each for each in quantities if not header.isdisjoint(each.columns)]
     table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
     angles = next((each for each in there if each.limits), None)
     return table if angles is None else _within_limits(table, angles)
 
 
-def _without_unreadable(cells: CsvTable, known: Sequence[PoseQuantity]) -> CsvTable:
+def _without_unreadable(cells: CsvTable, quantities: Sequence[PoseQuantity]) -> CsvTable:
     """The table without optional quantities of which a column has no number at all, with a notice of each."""
     notices = list(cells.notices)
     columns = cells.columns
-    for each in known if cells.rows else ():
+    for each in quantities if cells.rows else ():
         if each.required or each.name == "pose":
             continue
         for name in each.columns:
@@ -190,7 +192,7 @@ def _without_unreadable(cells: CsvTable, known: Sequence[PoseQuantity]) -> CsvTa
             stated, words = next((c.stated for c in cells.columns if c.name == name), name), _column(cells, name)[0]
             why = f"no cell is a {'time' if name == 't_s' else 'number'}, the first is '{words[0]}'"
             notices.append(f"column {stated} left out: {why}")
-            columns = tuple(replace(one, name="") if one.name in each.columns else one for one in columns)
+            columns = tuple(replace(column, name="") if column.name in each.columns else column for column in columns)
             break
     return replace(cells, columns=columns, notices=tuple(notices))
 
@@ -207,7 +209,7 @@ def _unreadable(cells: CsvTable, name: str, may_be_empty: bool) -> bool:
 
 def _without_faults(
     cells: CsvTable,
-    known: Sequence[PoseQuantity],
+    quantities: Sequence[PoseQuantity],
     faults: Sequence[tuple[int, str, str]],
     kept: NDArray[np.int64],
     skip: bool | None,
@@ -218,7 +220,7 @@ def _without_faults(
     None), or that nothing would be left.
     """
     row, column, what = faults[0]
-    instead = _instead_of_nothing(known, faults)
+    instead = _instead_of_nothing(quantities, faults)
     if skip is None:
         raise cell_error(cells, row, column, what, instead)
     bad = sorted({row for row, _, _ in faults})
@@ -241,11 +243,11 @@ def _without_faults(
     return replace(cells, rows=rows, lines=numbers, notices=(*cells.notices, notice))
 
 
-def _instead_of_nothing(known: Sequence[PoseQuantity], faults: Sequence[tuple[int, str, str]]) -> str:
+def _instead_of_nothing(quantities: Sequence[PoseQuantity], faults: Sequence[tuple[int, str, str]]) -> str:
     """What to write instead of nothing, where all faults (row, column, what) are empty cells of one such column."""
     if {what for _, _, what in faults} != {EMPTY} or len({column for _, column, _ in faults}) > 1:
         return ""
-    return next((each.if_empty for each in known if faults[0][1] in each.columns), "")
+    return next((each.if_empty for each in quantities if faults[0][1] in each.columns), "")
 
 
 def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Array]) -> Array:
@@ -264,8 +266,8 @@ def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Arr
         if wrong.any():
             j, row = np.argwhere(wrong.T)[0].tolist()
             raise cell_error(cells, row, names[j], what, right)
-    if quantity.size is not None and (found := implausible_value(quantity.size, values.T.ravel())):
-        raise cell_error(cells, found.row % len(values), names[found.row // len(values)], found.what, found.right)
+    if quantity.size is not None and (fault := implausible_value(quantity.size, values.T.ravel())):
+        raise cell_error(cells, fault.row % len(values), names[fault.row // len(values)], fault.what, fault.right)
     return values * quantity.si * quantity.signs
 
 

@@ -22,20 +22,20 @@ class PowerOnTime(StrictSchema):
 
 def running(power: Sequence[PowerOnTime], t: Array, session: Array) -> Array:
     """(N,), time since the power-on of the session (s); since its first pose where the power-on is not known."""
-    known, began = {one.session: one.t_s for one in power}, np.empty(len(t))
+    power_times, began = {power_on.session: power_on.t_s for power_on in power}, np.empty(len(t))
     for number in np.unique(session).tolist():
         rows = session == number
-        began[rows] = known.get(number, t[rows].min())
+        began[rows] = power_times.get(number, t[rows].min())
     return np.asarray(t - began)
 
 
 def powered(power: Sequence[PowerOnTime], t: Array) -> Array | None:
     """(N,), time since the first power-on (s); None where it is not known."""
-    first = next((one for one in power if one.session == 1), None)
+    first = next((power_on for power_on in power if power_on.session == 1), None)
     return None if first is None else t - first.t_s
 
 
 def warmed(power: Sequence[PowerOnTime], temperature: Array | None) -> Array | None:
     """(N,), temperature less that at the first power-on (K); None where either is not known."""
-    first = next((one.temp_c for one in power if one.session == 1), None)
+    first = next((power_on.temp_c for power_on in power if power_on.session == 1), None)
     return None if temperature is None or first is None else temperature - first

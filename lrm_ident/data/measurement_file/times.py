@@ -24,11 +24,11 @@ def seconds_of(words: Sequence[str]) -> Array | None:
     if all(is_number(word) for word in plain):
         values = np.array([float(word) for word in plain])
         return values if np.isfinite(values).all() else None
-    found = [
+    instants = [
         since for read in _readers() if (since := _since_first([w.replace(",", ".") for w in plain], read)) is not None
     ]
-    alike = all(np.array_equal(since, found[0]) for since in found)  # 3/4 is a day of April or of March
-    return found[0] if found and alike else None
+    alike = all(np.array_equal(since, instants[0]) for since in instants)  # 3/4 is a day of April or of March
+    return instants[0] if instants and alike else None
 
 
 def _readers() -> Iterator[Callable[[str], datetime]]:

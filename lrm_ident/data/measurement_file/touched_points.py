@@ -54,16 +54,16 @@ def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> 
             raise cell_error(table.cells, row, POINT, "the cell is empty", "the name of the point that was touched")
     placements = table.words(PLACEMENT) or [""] * len(names)
     placements = [name or ONE_PLACEMENT for name in placements]
-    known = known_points(path.with_suffix(".toml"), metadata, dict.fromkeys(names))
-    if known and (strange := [row for row, name in enumerate(names) if name not in known]):
+    points_known = known_points(path.with_suffix(".toml"), metadata, dict.fromkeys(names))
+    if points_known and (strange := [row for row, name in enumerate(names) if name not in points_known]):
         table_name, row = "points" if metadata.points else "distances", strange[0]
-        right = f"known are: {enumerate_words([*known], 12)}"
+        right = f"known are: {enumerate_words([*points_known], 12)}"
         raise cell_error(table.cells, row, POINT, f"'{names[row]}' is not in [{table_name}]", right)
-    frames, number = _frames(names, placements, known)
+    frames, number = _frames(names, placements, points_known)
     if len(frames) > MOST_PLACEMENTS:
         what = f"{len(frames)} places to identify, of boards and of points without known distances"
         raise FileError(path, "", what, f"at most {MOST_PLACEMENTS}; state the points' places in [points]")
-    tcp = np.array([known.get(name, np.zeros(3)) for name in names])
+    tcp = np.array([points_known.get(name, np.zeros(3)) for name in names])
     seen, placed = data.positions, replace(data, poses=replace(data.poses, placement=number))
     touched = placed.with_positions(TouchedPoints(tcp, seen.sd, seen.blocks, noise_sd=seen.noise_sd, frames=frames))
     return touched.noting(*_notices(touched))
@@ -77,18 +77,18 @@ def require_points(cells: CsvTable, metadata: Metadata) -> None:
 
 
 def _frames(
-    names: list[str], placements: list[str], known: Mapping[str, Array]
+    names: list[str], placements: list[str], points_known: Mapping[str, Array]
 ) -> tuple[tuple[TouchedFrame, ...], np.ndarray[tuple[int, ...], np.dtype[np.int64]]]:
     """Boards and lone points in the order of the rows, those touched once last; their number from 1 at each row."""
-    owner = [(place, "" if name in known else name) for name, place in zip(names, placements, strict=True)]
-    order = sorted(dict.fromkeys(owner), key=lambda own: owner.count(own) < LEAST_TOUCHES)
+    owner = [(place, "" if name in points_known else name) for name, place in zip(names, placements, strict=True)]
+    order = sorted(dict.fromkeys(owner), key=lambda owner_of: owner.count(owner_of) < LEAST_TOUCHES)
     frames = []
     for place, name in order:
-        here = [n for n, own in zip(names, owner, strict=True) if own == (place, name)]
+        here = [n for n, owner_of in zip(names, owner, strict=True) if owner_of == (place, name)]
         points = tuple(dict.fromkeys(here))
-        spread = np.array([known.get(point, np.zeros(3)) for point in points])
+        spread = np.array([points_known.get(point, np.zeros(3)) for point in points])
         frames.append(TouchedFrame(place, points, bool(np.ptp(spread, axis=0).max() > 0.0)))
-    return tuple(frames), np.array([order.index(own) + 1 for own in owner], dtype=np.int64)
+    return tuple(frames), np.array([order.index(owner_of) + 1 for owner_of in owner], dtype=np.int64)
 
 
 def _notices(data: Measurements) -> Iterator[str]:
@@ -122,9 +122,12 @@ def without_lone(data: Measurements) -> Measurements:
         return data
     gone = data.pose[lone].tolist()
     notice = f"touched once, which says nothing; left out: pose {enumerate_words([str(n) for n in gone], 8)}"
-    left = data.without(gone)
-    kept = [replace(one, frames=one.frames[: int(placement[~lone].max())]) for one in left.of(TouchedPoints)]
-    return replace(left, observations=(*kept, *left.observations[1:])).noting(notice)
+    remaining = data.without(gone)
+    kept = [
+        replace(observation, frames=observation.frames[: int(placement[~lone].max())])
+        for observation in remaining.of(TouchedPoints)
+    ]
+    return replace(remaining, observations=(*kept, *remaining.observations[1:])).noting(notice)
 
 
 def known_points(path: object, metadata: Metadata, touched: Mapping[str, object]) -> dict[str, Array]:
@@ -158,17 +161,17 @@ def _adjusted(path: object, nominal: Mapping[str, Array], distances: Mapping[str
             what = f"{value:g} mm, {drawn / MM:.1f} mm by [points]"
             raise FileError(path, f"distances.{key}", what, "measure it again, or correct [points]")
         rows.append((a, b, value * MM))
-    found = places.copy()
+    adjusted = places.copy()
     for _ in range(ADJUSTMENTS):
-        J, left = np.zeros((len(rows) + places.size, places.size)), np.empty(len(rows) + places.size)
+        J, residual = np.zeros((len(rows) + places.size, places.size)), np.empty(len(rows) + places.size)
         for row, (a, b, length) in enumerate(rows):
-            line = found[a] - found[b]
-            now = float(np.linalg.norm(line))
-            J[row, 3 * a : 3 * a + 3], J[row, 3 * b : 3 * b + 3] = line / now, -line / now
-            left[row] = length - now
-        J[len(rows) :], left[len(rows) :] = NOMINAL * np.eye(places.size), NOMINAL * (places - found).ravel()
-        found = found + np.linalg.lstsq(J, left, rcond=None)[0].reshape(-1, 3)
-    return dict(zip(names, found, strict=True))
+            line = adjusted[a] - adjusted[b]
+            line_length = float(np.linalg.norm(line))
+            J[row, 3 * a : 3 * a + 3], J[row, 3 * b : 3 * b + 3] = line / line_length, -line / line_length
+            residual[row] = length - line_length
+        J[len(rows) :], residual[len(rows) :] = NOMINAL * np.eye(places.size), NOMINAL * (places - adjusted).ravel()
+        adjusted = adjusted + np.linalg.lstsq(J, residual, rcond=None)[0].reshape(-1, 3)
+    return dict(zip(names, adjusted, strict=True))
 
 
 @dataclass(frozen=True)
@@ -196,12 +199,12 @@ def _from_distances(path: object, distances: Mapping[str, float], touched: Mappi
     most = np.argsort(values)[::-1][:3]
     places = vectors[:, most] * np.sqrt(np.maximum(values[most], 0.0))
     places = np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
-    found = np.linalg.norm(places[:, None] - places[None], axis=2)
-    wrong = np.abs(found - D)
+    between = np.linalg.norm(places[:, None] - places[None], axis=2)
+    wrong = np.abs(between - D)
     a, b = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
     if wrong[a, b] > LARGEST_STRAIN * D.max():
         what = f"{points[a]}{BETWEEN}{points[b]} = {D[a, b] / MM:g} mm contradicts the other distances, which make it "
-        raise FileError(path, "distances", f"{what}{found[a, b] / MM:.1f} mm", "measure it again")
+        raise FileError(path, "distances", f"{what}{between[a, b] / MM:.1f} mm", "measure it again")
     if np.sqrt(max(values[most[-1]], 0.0)) > LARGEST_STRAIN * D.max() and len(points) > 3:
         what = "the points do not lie in a plane, and distances do not tell them from their mirror image"
         raise FileError(path, "distances", what, "state [points], too")

@@ -38,8 +38,8 @@ def quantity_columns(stated: Iterable[StatedQuantity]) -> Iterator[tuple[str, Ar
         if values is not None:
             table = np.asarray(values, dtype=np.float64)
             table = table[:, None] if table.ndim == 1 else table
-            known = {each.name: each for each in (*KNOWN, *quantities_of_joints(table.shape[1]))}[name]
-            for column, numbers in zip(known.columns, table.T / known.si, strict=True):
+            by_name = {each.name: each for each in (*KNOWN, *quantities_of_joints(table.shape[1]))}[name]
+            for column, numbers in zip(by_name.columns, table.T / by_name.si, strict=True):
                 yield column, numbers, decimals
 
 
@@ -53,7 +53,7 @@ def measurements_csv(data: Measurements) -> str:
         ("session", poses.session, 0),
         ("payload", poses.payload, 4),
         ("angles", poses.q, 9),
-        *(stated for one in data.observations for stated in one.columns()),
+        *(stated for observation in data.observations for stated in observation.columns()),
         ("temperature", poses.temperature, 3),
         ("gravity", poses.gravity, 9),
         ("repeat_of", data.repeat_of, 0),
@@ -62,16 +62,16 @@ def measurements_csv(data: Measurements) -> str:
     return csv_text(quantity_columns(stated))
 
 
-def metadata_toml(arm: str, source: str, **known: object) -> str:
-    """Text of the file beside measurements of an arm; `known`: what else it states, None for what it does not."""
-    about = {"schema": "lrm/measurements/1", "arm": arm, "source": source, **known}
+def metadata_toml(arm: str, source: str, **entries: object) -> str:
+    """Text of the file beside measurements of an arm; `entries`: what else it states, None for what it does not."""
+    about = {"schema": "lrm/measurements/1", "arm": arm, "source": source, **entries}
     return tomli_w.dumps({key: value for key, value in about.items() if value is not None})
 
 
-def write_with_metadata(path: Path, table: str, arm: str, source: str, **known: object) -> None:
+def write_with_metadata(path: Path, table: str, arm: str, source: str, **entries: object) -> None:
     """Writes the CSV text of a table, and beside it the metadata that `metadata_toml` makes. Raises `FileError`.
 
     `arm`: name of a shipped arm, or path of its file.
     """
     write_text(path, table)
-    write_text(path.with_suffix(".toml"), metadata_toml(arm_name_for(arm, path.parent), source, **known))
+    write_text(path.with_suffix(".toml"), metadata_toml(arm_name_for(arm, path.parent), source, **entries))

@@ -108,8 +108,8 @@ class Positions(Observation):
 
     def weighed(self) -> Self:
         """With the noise that is the same for all."""
-        known = self.sd is not None or self.blocks is not None or self.noise_sd is None
-        return self if known else replace(self, sd=np.full(len(self.values), self.noise_sd))
+        sd_is_known = self.sd is not None or self.blocks is not None or self.noise_sd is None
+        return self if sd_is_known else replace(self, sd=np.full(len(self.values), self.noise_sd))
 
     def residual(self, settled: Equilibrium) -> Array:
         """By coordinate (m)."""

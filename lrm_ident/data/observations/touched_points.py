@@ -56,8 +56,8 @@ class TouchedPoints(Positions):
         needed = [kind(model.arm, f"placement{number}") for number, kind in enumerate(kinds, start=1)]
         keys = [key for effect in needed for key in effect.keys]
         there = set(model.keys)
-        known = all(key in there and model.value(key) != 0.0 for key in keys)
-        if known and model.fitted_to in (None, source.sha256):
+        set_already = all(key in there and model.value(key) != 0.0 for key in keys)
+        if set_already and model.fitted_to in (None, source.sha256):
             return model
         kept: list[Effect] = [effect for effect in model.effects if not isinstance(effect, TouchedPoint)]
         values = {key: model.value(key) for effect in kept for key in effect.keys}

@@ -32,22 +32,22 @@ def with_anchor(model: Model, poses: Poses, distance: Array, source: Source) -> 
     anchors = [effect for effect in model.effects if isinstance(effect, Anchor)]
     anchor = anchors[0] if anchors else Anchor(model.arm, *Anchor.places(model.arm))
     keys = anchor.keys
-    known = {key: model.value(key) for key in model.keys}
-    if any(known.get(key) for key in keys):
+    values = {key: model.value(key) for key in model.keys}
+    if any(values.get(key) for key in keys):
         return model
     rows = np.flatnonzero(~np.isnan(distance))
     if len(rows) < FEWEST:
         what = f"{len(rows)} distances from a point that is not stated"
         raise source.fault(what, "state distance_from_mm in the file beside the data, or measure more")
-    point, left = trilaterate(solve_equilibrium(model, poses.take(rows)).true_tcp, distance[rows])
+    point, residual = trilaterate(solve_equilibrium(model, poses.take(rows)).true_tcp, distance[rows])
     spread = float(distance[rows].std())
-    if left > MAX_RELATIVE_ERROR * spread:
-        what = f"from no point would {model.arm.name} miss the distances by less than {left * 1e3:.3g} mm RMS"
+    if residual > MAX_RELATIVE_ERROR * spread:
+        what = f"from no point would {model.arm.name} miss the distances by less than {residual * 1e3:.3g} mm RMS"
         raise source.fault(what, "are the unit of distance_mm and the joints right, and is it this arm?")
-    known |= dict(zip(keys, point.tolist(), strict=True))
+    values |= dict(zip(keys, point.tolist(), strict=True))
     effects = model.effects if anchors else (*model.effects, anchor)
     free = (*model.free, *(key for key in keys if key not in model.free))
-    return replace(model_of(model.arm, effects, known), free=free if model.free else ())
+    return replace(model_of(model.arm, effects, values), free=free if model.free else ())
 
 
 def trilaterate(tcp: Array, distance: Array) -> tuple[Array, float]:
@@ -61,5 +61,5 @@ def trilaterate(tcp: Array, distance: Array) -> tuple[Array, float]:
         length = np.maximum(np.linalg.norm(line, axis=1), 1e-9)
         step = np.linalg.lstsq(-line / length[:, None], distance - length, rcond=1e-9)[0]
         point = point + step
-    left = distance - np.linalg.norm(at - point, axis=1)
-    return point + centre, float(np.sqrt((left**2).mean()))
+    residual = distance - np.linalg.norm(at - point, axis=1)
+    return point + centre, float(np.sqrt((residual**2).mean()))

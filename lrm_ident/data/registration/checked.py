@@ -109,10 +109,10 @@ def load_checked(
     for pose, error in beyond:
         if pose in chosen.pose:
             raise error
-    found = in_arm_frame(arm, data.noting(*notices))
-    for seen in found.of(Orientations):
-        check_orientations(arm, found, seen)
-    return found
+    located = in_arm_frame(arm, data.noting(*notices))
+    for seen in located.of(Orientations):
+        check_orientations(arm, located, seen)
+    return located
 
 
 def _as_drawn(arm: Arm, data: Measurements) -> tuple[str, ...]:
@@ -171,7 +171,7 @@ def _check_sessions(arm: Arm, data: Measurements) -> None:
         return
     parts = {int(number): data.take(session == number) for number in numbers}
     scored = {number: scored_as_read(arm, part) for number, part in parts.items()}
-    shares = {number: one.share for number, one in scored.items() if one is not None and one.overdetermined}
+    shares = {number: score.share for number, score in scored.items() if score is not None and score.overdetermined}
     if min(shares.values(), default=np.inf) > GOOD:
         return
     for number in (number for number, share in shares.items() if share > DOUBTFUL):
@@ -183,12 +183,12 @@ def _check_sessions(arm: Arm, data: Measurements) -> None:
 def _refuse(arm: Arm, data: Measurements, of: str, misread: tuple[float, Hypothesis | None] | None, right: str) -> None:
     """Raises `FileError`: the arm cannot have been where these were measured, as they were read."""
     if misread:
-        missed, found = misread
+        missed, mapping = misread
         what = f"as read, {arm.name} misses the {of} by {missed / MM:.3g} mm"
-        if found is None:
+        if mapping is None:
             raise data.source.fault(what, right)
-        words = f"{' and '.join(found.words)} ({what})"
-        raise data.source.fault(words, f"if so: {remedy(found, data.source.stated)}")
+        words = f"{' and '.join(mapping.words)} ({what})"
+        raise data.source.fault(words, f"if so: {remedy(mapping, data.source.stated)}")
 
 
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
@@ -252,10 +252,12 @@ def check_orientations(arm: Arm, data: Measurements, seen: Orientations) -> None
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:
         return
-    found = min(_readings(measured, drawn, motion_of(data.source.reading)[0]), key=lambda reading: reading[0])
+    nearest = min(_readings(measured, drawn, motion_of(data.source.reading)[0]), key=lambda reading: reading[0])
     what = f"the orientations miss those of {arm.name} by {np.degrees(error):.0f} deg"
-    if found[0] < BETTER * error:
-        raise data.source.fault(f"{what}; {found[1]}", f"then {np.degrees(found[0]):.1f} deg", ", ".join(QUATERNION))
+    if nearest[0] < BETTER * error:
+        raise data.source.fault(
+            f"{what}; {nearest[1]}", f"then {np.degrees(nearest[0]):.1f} deg", ", ".join(QUATERNION)
+        )
     if error > NOT_THIS_ARM:
         right = "correct [tool] of the arm file, or leave the columns out"
         raise data.source.fault(f"{what}, in whatever order the columns are read", right, ", ".join(QUATERNION))
@@ -274,10 +276,16 @@ def _readings(measured: Array, drawn: Array, turn: Array) -> Iterator[tuple[floa
             words = [] if order == (0, 1, 2, 3) else [f"the four columns look like {', '.join(names)}: rename them so"]
             words += [] if sign > 0 else ["they look like the inverse rotations: negate qx, qy and qz"]
             yield error, "; ".join(words)
-    for which, left in (("tool", drawn.transpose(0, 2, 1) @ measured), ("base", measured @ drawn.transpose(0, 2, 1))):
-        mean = _mean(left)
+    for which, difference in (
+        ("tool", drawn.transpose(0, 2, 1) @ measured),
+        ("base", measured @ drawn.transpose(0, 2, 1)),
+    ):
+        mean = _mean(difference)
         angles = ", ".join(f"{angle:.0f}" for angle in np.degrees(rotation_vectors(mean[None])[0]))
-        yield _usual_angle(left @ mean.T), f"the frame of the {which} looks turned by ({angles}) deg about x, y, z"
+        yield (
+            _usual_angle(difference @ mean.T),
+            f"the frame of the {which} looks turned by ({angles}) deg about x, y, z",
+        )
 
 
 def _usual_angle(rotations: Array) -> float:

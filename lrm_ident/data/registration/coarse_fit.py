@@ -85,19 +85,19 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False, any
             break
         residual = tcp - settled.tcp
         distance = np.linalg.norm(residual, axis=1)
-        now = CoarseFit(settled, trimmed_rms(distance), overdetermined)
-        converged = best is not None and abs(now.score - best.score) < SETTLED * best.score
-        best = now if best is None or now.score < best.score else best
+        current = CoarseFit(settled, trimmed_rms(distance), overdetermined)
+        converged = best is not None and abs(current.score - best.score) < SETTLED * best.score
+        best = current if best is None or current.score < best.score else best
         if converged and robust:
             break
         robust = robust or converged or step == STEPS // 2
         weight = cauchy_weight(distance) if robust else np.ones_like(distance)
-        root = np.sqrt(weight)[:, None] / max(now.score, SHARPEST)
+        root = np.sqrt(weight)[:, None] / max(current.score, SHARPEST)
         preconditioner = respond(settled).preconditioner
         J = (parameter_jacobian(settled, sizes.keys) * root[:, :, None]).reshape(-1, count)
         H = J.T @ J + np.diag(sizes.sd**-2)
         gradient = J.T @ (residual * root).reshape(-1) - z / sizes.sd**2
-        upper = sizes.upper if now.score < NEAR * reach(arm) else sizes.rigid_upper
+        upper = sizes.upper if current.score < NEAR * reach(arm) else sizes.rigid_upper
         z = np.clip(z + np.linalg.solve(H, gradient), sizes.lower, upper)
     assert best is not None  # without any error the arm stands still
     return best

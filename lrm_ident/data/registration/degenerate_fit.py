@@ -58,20 +58,20 @@ def _own_motion(settled: Equilibrium, free: Sequence[str], key: str) -> float:
     """
     rows = spaced_rows(len(settled.poses), LOOKED_AT)
     J = parameter_jacobian(settled.take(rows), free).reshape(3 * len(rows), len(free))
-    own, others = J[:, free.index(key)], np.delete(J, free.index(key), axis=1)
+    column, others = J[:, free.index(key)], np.delete(J, free.index(key), axis=1)
     scaled = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
-    left = own - scaled @ np.linalg.lstsq(scaled, own, rcond=None)[0]
-    return float(np.linalg.norm(left) / np.sqrt(len(rows)))
+    unexplained = column - scaled @ np.linalg.lstsq(scaled, column, rcond=None)[0]
+    return float(np.linalg.norm(unexplained) / np.sqrt(len(rows)))
 
 
 def lengths(model: Model, free: Sequence[str]) -> list[tuple[str, float, float]]:
     """Every fitted length of the links and the tool: its key, as drawn, and as fitted (m)."""
-    arm, found = model.arm, []
+    arm, lengths_found = model.arm, []
     places = {**{name: asdict(joint) for name, joint in zip(arm.link_places, arm.links, strict=True)}}
     places["tool"] = asdict(arm.tool)
     for key in free:
         effect, place, name = ParameterRef.parse(key)
         if effect == "offsets" and place in places and name.endswith("_mm"):
             drawn = places[place].get(name.removesuffix("_mm")) or 0.0
-            found.append((key, drawn, drawn + model.value(key)))
-    return found
+            lengths_found.append((key, drawn, drawn + model.value(key)))
+    return lengths_found

@@ -39,12 +39,12 @@ def misread_distances(arm: Arm, data: Measurements, seen: Distances) -> tuple[fl
     missed = _missed(arm, poses, distance, seen.start)
     if missed <= MAX_RELATIVE_ERROR * float(distance.std()):
         return None
-    found = None
+    explanation = None
     for other, stretched in _readings(read, arm):
-        left = _missed(arm, replace(poses, q=other.q), stretched * distance, seen.start) / stretched
-        if left < BETTER * missed and (found is None or other.complexity < found.complexity):
-            found = other
-    return missed, found
+        missed_by_reading = _missed(arm, replace(poses, q=other.q), stretched * distance, seen.start) / stretched
+        if missed_by_reading < BETTER * missed and (explanation is None or other.complexity < explanation.complexity):
+            explanation = other
+    return missed, explanation
 
 
 def _readings(read: Hypothesis, arm: Arm) -> Iterator[tuple[Hypothesis, float]]:
@@ -52,10 +52,10 @@ def _readings(read: Hypothesis, arm: Arm) -> Iterator[tuple[Hypothesis, float]]:
     for other in joint_hypotheses(read, arm):
         if other.words:
             yield other, 1.0
-    now = LENGTH_UNITS[read.reading.unit or "mm"]
+    unit_factor = LENGTH_UNITS[read.reading.unit or "mm"]
     for unit, metres in LENGTH_UNITS.items():
-        if metres != now:
-            yield read.also(f"the distances look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit), metres / now
+        if metres != unit_factor:
+            yield read.also(f"the distances look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit), metres / unit_factor
 
 
 def _missed(arm: Arm, poses: Poses, distance: Array, start: tuple[float, float, float] | None) -> float:

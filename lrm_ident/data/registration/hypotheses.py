@@ -99,17 +99,17 @@ def _turned_zeros(read: Hypothesis) -> Iterator[Hypothesis]:
 
 
 def _other_units(read: Hypothesis) -> Iterator[Hypothesis]:
-    now, deg, largest = read.reading.angle_unit, ANGLE_UNITS["deg"], np.abs(read.q).max(axis=0)
-    if now != "rad" and largest.max() <= FULL_TURN * deg:
+    angle_unit, deg, largest = read.reading.angle_unit, ANGLE_UNITS["deg"], np.abs(read.q).max(axis=0)
+    if angle_unit != "rad" and largest.max() <= FULL_TURN * deg:
         words = "the joint angles look like radians"
         yield replace(read.also(words, SIMPLE, angle_unit="rad"), q=read.q / deg)
-    if now != "deg" and largest.max() > FULL_TURN:
+    if angle_unit != "deg" and largest.max() > FULL_TURN:
         words = "the joint angles look like degrees"
         yield replace(read.also(words, SIMPLE, angle_unit="deg"), q=read.q * deg)
     for joint, most in enumerate(largest.tolist()):
-        if now != "rad" and 0.0 < most <= FULL_TURN * deg:
+        if angle_unit != "rad" and 0.0 < most <= FULL_TURN * deg:
             yield _one_joint(read, joint, "rad", 1.0 / deg)
-        elif now == "rad" and most > FULL_TURN:
+        elif angle_unit == "rad" and most > FULL_TURN:
             yield _one_joint(read, joint, "deg", deg)
 
 
@@ -171,9 +171,9 @@ def _coupled_joints(read: Hypothesis) -> Iterator[Hypothesis]:
             yield read.also(words, FREE, remedy).with_joint(joint, angles)
         words = f"the angles of joints {first + 1} and {joint + 1} look like those of the two motors of a differential"
         both, apart = (f"({b} + {a}) / 2", 0.5 * (qb + qa)), (f"({b} - {a}) / 2", 0.5 * (qb - qa))
-        for one, other in ((both, apart), (apart, both)):
-            remedy = f"write {one[0]} into the column of {a}, {other[0]} into that of {b}; {serial}"
-            yield read.also(words, FREE, remedy).with_joint(first, one[1]).with_joint(joint, other[1])
+        for with_coupling, other in ((both, apart), (apart, both)):
+            remedy = f"write {with_coupling[0]} into the column of {a}, {other[0]} into that of {b}; {serial}"
+            yield read.also(words, FREE, remedy).with_joint(first, with_coupling[1]).with_joint(joint, other[1])
         if joint > first + 1:
             words = (
                 f"the angles of joints {first + 2} to {joint + 1} look counted from the base, not from the link before"
@@ -197,10 +197,10 @@ def one_axis(read: Hypothesis, nominal: Array, tolerance: float) -> Iterator[Hyp
 
     The unit is that which makes the axis as long as those of the arm as drawn, `nominal` (N, 3), m.
     """
-    now = read.reading.unit or "mm"
+    current_unit = read.reading.unit or "mm"
     extent, drawn = (np.median(np.abs(points - np.median(points, axis=0)), axis=0) for points in (read.tcp, nominal))
     for axis, (seen, wanted) in enumerate(zip(extent.tolist(), drawn.tolist(), strict=True)):
-        unit = nearest_unit(now, wanted / seen, tolerance) if seen > 0.0 and wanted > 0.0 else None
+        unit = nearest_unit(current_unit, wanted / seen, tolerance) if seen > 0.0 and wanted > 0.0 else None
         if unit is not None and unit[1] != 1.0:
             words, scale = f"{'xyz'[axis]} alone looks like {UNIT_NAMES[unit[0]]}", np.ones(3)
             scale[axis] = unit[1]
@@ -249,12 +249,12 @@ def with_unit(before: Hypothesis, unit: str, factor: float) -> Hypothesis:
     return replace(other, tcp=before.tcp * factor)
 
 
-def nearest_unit(now: str, scale: float, tolerance: float) -> tuple[str, float] | None:
-    """The unit that makes positions `scale` times longer than in the unit `now`, and its factor; None if none does."""
+def nearest_unit(current_unit: str, scale: float, tolerance: float) -> tuple[str, float] | None:
+    """The unit that makes positions `scale` times longer than in `current_unit`, and its factor; None if none does."""
     fitting = {
-        unit: metres / LENGTH_UNITS[now]
+        unit: metres / LENGTH_UNITS[current_unit]
         for unit, metres in LENGTH_UNITS.items()
-        if scale > 0 and abs(np.log(scale * LENGTH_UNITS[now] / metres)) < tolerance
+        if scale > 0 and abs(np.log(scale * LENGTH_UNITS[current_unit] / metres)) < tolerance
     }
     unit = min(fitting, key=lambda name: abs(np.log(scale / fitting[name])), default=None)
     return None if unit is None else (unit, fitting[unit])

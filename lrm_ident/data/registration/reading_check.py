@@ -170,28 +170,28 @@ def _proposals(points: PointSet) -> Iterator[Hypothesis]:
     for joints in joint_hypotheses(points.as_read, points.arm):
         nominal = nominal_tcp(points.arm, replace(points.poses, q=joints.q))
         for mirrored in (False, True):
-            found = robust_similarity(points.tcp, nominal, mirrored)
-            left = trimmed_rms(np.linalg.norm(nominal - found.apply(points.tcp), axis=1))
-            candidates.append((left / max(spread_of(nominal), 1e-9), joints, found, mirrored))
-    best = min(left for left, *_ in candidates)
+            motion = robust_similarity(points.tcp, nominal, mirrored)
+            misfit = trimmed_rms(np.linalg.norm(nominal - motion.apply(points.tcp), axis=1))
+            candidates.append((misfit / max(spread_of(nominal), 1e-9), joints, motion, mirrored))
+    best = min(misfit for misfit, *_ in candidates)
     worth = [candidate for candidate in candidates if candidate[0] <= WORTH * best]
     worth.sort(key=lambda candidate: (candidate[1].complexity, candidate[0]))
-    for _, joints, found, mirrored in worth[:LOOKED_AT]:
-        yield from _positions(joints, found, mirrored)
+    for _, joints, motion, mirrored in worth[:LOOKED_AT]:
+        yield from _positions(joints, motion, mirrored)
 
 
-def _positions(joints: Hypothesis, found: Similarity, mirrored: bool) -> Iterator[Hypothesis]:
+def _positions(joints: Hypothesis, motion: Similarity, mirrored: bool) -> Iterator[Hypothesis]:
     """Readings of the positions that agree with a similarity: as read, other axes, another frame."""
     how = joints.reading
-    unit = nearest_unit(how.unit or "mm", found.scale, SCALE_TOLERANCE)
+    unit = nearest_unit(how.unit or "mm", motion.scale, SCALE_TOLERANCE)
     if unit is None:
         return
     scaled = with_unit(joints, *unit)
-    turn = axes_matrix(axes_words(found.rotation))
+    turn = axes_matrix(axes_words(motion.rotation))
     if how.frame != "unknown":
         if scaled.words and not mirrored:
             yield scaled
-        right_angled = float(np.linalg.norm(found.rotation - turn)) < RIGHT_ANGLED
+        right_angled = float(np.linalg.norm(motion.rotation - turn)) < RIGHT_ANGLED
         if right_angled and not np.array_equal(turn, np.eye(3)):
             yield with_axes(scaled, turn)
     if how.frame != "unknown" or mirrored or scaled.words:

@@ -9,8 +9,8 @@ from lrm_math.model.model import Model, model_of
 
 def with_set_up(model: Model, data: Measurements) -> Model:
     """The model, knowing what these data need of their set-up. Raises `FileError`."""
-    for one in data.observations:
-        model = one.set_up(model, data.poses, data.source)
+    for observation in data.observations:
+        model = observation.set_up(model, data.poses, data.source)
     return model
 
 

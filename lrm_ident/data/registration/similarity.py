@@ -51,9 +51,9 @@ def robust_similarity(source: Array, target: Array, mirrored: bool, scale: float
     """Similarity with the weights of a Cauchy loss at the scale of the median residual: wrong points count little."""
     weight = np.ones(len(source))
     for _ in range(ROBUST_PASSES):
-        found = similarity(source, target, weight, mirrored, scale)
-        weight = cauchy_weight(np.linalg.norm(target - found.apply(source), axis=1))
-    return found
+        motion = similarity(source, target, weight, mirrored, scale)
+        weight = cauchy_weight(np.linalg.norm(target - motion.apply(source), axis=1))
+    return motion
 
 
 def cauchy_weight(distance: Array) -> Array:

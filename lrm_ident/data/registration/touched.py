@@ -40,12 +40,12 @@ def misread_touches(arm: Arm, data: Measurements) -> tuple[float, Hypothesis | N
     missed = _missed(arm, data, read.q)
     if missed <= MISREAD * reach(arm):
         return None
-    found = None
+    explanation = None
     for other in joint_hypotheses(read, arm):
-        simpler = found is None or other.complexity < found.complexity
+        simpler = explanation is None or other.complexity < explanation.complexity
         if other.words and simpler and _missed(arm, data, other.q) < BETTER * missed:
-            found = other
-    return missed, found
+            explanation = other
+    return missed, explanation
 
 
 def _missed(arm: Arm, data: Measurements, q: Array) -> float:
@@ -54,8 +54,10 @@ def _missed(arm: Arm, data: Measurements, q: Array) -> float:
         drawn = solve_equilibrium(model_of(arm, ()), replace(data.poses, q=q)).tcp
     except NoEquilibrium:
         return np.inf
-    left = np.zeros_like(drawn)
+    missed = np.zeros_like(drawn)
     for number, frame in enumerate(data.touched, start=1):
         rows = data.poses.placement == number
-        left[rows] = drawn[rows] - rigid_motion_between(data.tcp[rows], drawn[rows], frame.turns).apply(data.tcp[rows])
-    return float(np.sqrt((left**2).sum(axis=1).mean()))
+        missed[rows] = drawn[rows] - rigid_motion_between(data.tcp[rows], drawn[rows], frame.turns).apply(
+            data.tcp[rows]
+        )
+    return float(np.sqrt((missed**2).sum(axis=1).mean()))

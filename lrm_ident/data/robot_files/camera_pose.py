@@ -23,10 +23,10 @@ DIGITS = 9
 
 def camera_pose_text(path: Path, camera: Array, base: str, frame: str) -> str:
     """Text of the file at a path, by its ending, of a camera (4, 4), m, at the link `base`. Raises `FileError`."""
-    known: dict[str, Callable[[Array, str, str], str]] = {".py": _launch, ".yaml": _transform, ".json": _numbers}
-    if path.suffix not in known or (path.suffix == ".py" and not path.name.endswith(".launch.py")):
+    writers: dict[str, Callable[[Array, str, str], str]] = {".py": _launch, ".yaml": _transform, ".json": _numbers}
+    if path.suffix not in writers or (path.suffix == ".py" and not path.name.endswith(".launch.py")):
         raise FileError(path, "", f"a {path.suffix or 'nameless'} file", "name it .launch.py, .yaml or .json")
-    return known[path.suffix](camera, base, frame)
+    return writers[path.suffix](camera, base, frame)
 
 
 def _parts(camera: Array) -> tuple[dict[str, float], dict[str, float]]:
@@ -63,8 +63,8 @@ def _transform(camera: Array, base: str, frame: str) -> str:
 
 def _numbers(camera: Array, base: str, frame: str) -> str:
     at, turn = _parts(camera)
-    known = {
+    layouts = {
         "frame": frame, "parent_frame": base, "position_m": [*at.values()], "quaternion_xyzw": [*turn.values()],
         "matrix_m": np.round(camera, DIGITS).tolist(),
     }  # fmt: skip
-    return json.dumps(known, indent=4) + "\n"
+    return json.dumps(layouts, indent=4) + "\n"

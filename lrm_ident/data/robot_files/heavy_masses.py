@@ -29,7 +29,7 @@ def signs_of_heavy_masses(arm: Arm, robot: Urdf, path: Sequence[UrdfJoint]) -> I
     usual = USUAL_MOST * length**3
     if mass > usual:
         yield f"{mass:.3g} kg move, and an arm of {length:.2g} m usually weighs less than {usual:.2g} kg"
-    densities = [own.density for joint in path if (own := robot.links[joint.child]) is not None and own.density]
+    densities = [link.density for joint in path if (link := robot.links[joint.child]) is not None and link.density]
     if densities and float(np.median(densities)) > DENSEST:
         yield "links of these masses and moments of inertia are denser than any metal"
     yield from _overloaded(arm, [joint for joint in path if joint.commanded])

@@ -54,10 +54,10 @@ def beyond_zeros(model: Model) -> tuple[str, ...]:
 
 def check_names(path: Path, model: Model, have: Iterable[str]) -> None:
     """Raises `FileError` where a file lacks one of the model's joints."""
-    known = list(have)
+    labels = list(have)
     for name in zero_offsets(model):
-        if name not in known:
-            raise FileError(path, "", f"no joint '{name}'", name_suggestion(name, known))
+        if name not in labels:
+            raise FileError(path, "", f"no joint '{name}'", name_suggestion(name, labels))
 
 
 @dataclass(frozen=True)

@@ -109,8 +109,8 @@ def spring_stiffness(model: Model) -> dict[int, float]:
     out: dict[int, float] = {}
     for effect, values in model.parts():
         if effect.id in SPRINGS:
-            known = [value for value, p in zip(values, effect.parameters, strict=True) if p.fixed is None]
-            for key, k in zip(effect.targets[: len(known)], known, strict=True):
+            free_values = [value for value, p in zip(values, effect.parameters, strict=True) if p.fixed is None]
+            for key, k in zip(effect.targets[: len(free_values)], free_values, strict=True):
                 slot = model.chain.index[key]
                 out[slot] = out.get(slot, 0.0) + k
     return {slot: 1.0 / k for slot, k in out.items() if k > 0.0}
@@ -138,20 +138,20 @@ OF_PLAY = {
 
 def angle_unit(root: ElementTree.Element) -> float:
     """The unit of angle of an MJCF (rad)."""
-    by_degrees = all(one.get("angle", "degree") == "degree" for one in root.findall("compiler"))
+    by_degrees = all(compiler.get("angle", "degree") == "degree" for compiler in root.findall("compiler"))
     return float(np.radians(1.0)) if by_degrees else 1.0
 
 
 def add_play(body: ElementTree.Element, name: str, b: float, unit: float = 1.0) -> None:
     """Gives a joint of a body play, b rad end to end; none where b is 0. `unit`: that of `angle_unit`."""
     if b > 0.0:
-        joint = next(one for one in body.findall("joint") if one.get("name") == name)
+        joint = next(element for element in body.findall("joint") if element.get("name") == name)
         placed = {key: value for key in ("class", "axis", "pos") if (value := joint.get(key)) is not None}
         half = numbers((-0.5 * b / unit, 0.5 * b / unit))
-        own = ElementTree.Element(
+        added = ElementTree.Element(
             "joint", {"name": f"{name}_play", **placed, "range": half, "limited": "true", **OF_PLAY}
         )
-        body.insert([*body].index(joint) + 1, own)
+        body.insert([*body].index(joint) + 1, added)
 
 
 def _add_follower(

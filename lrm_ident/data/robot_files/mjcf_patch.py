@@ -48,44 +48,44 @@ SAME = 1e-9
 
 
 def patched_mjcf(
-    model: Model, own: MjcfRobot, output: Path, base: str | None = None, tip: str | None = None
+    model: Model, robot_file: MjcfRobot, output: Path, base: str | None = None, tip: str | None = None
 ) -> ExportedFile:
     """The robot's file with a model in it, to be written as `output` (meshes are found from there).
 
-    `own` is changed. Raises `FileError`: the file is not of the model's arm.
+    `robot_file` is changed. Raises `FileError`: the file is not of the model's arm.
     """
-    robot = own.robot
+    robot = robot_file.robot
     base = base or robot.root
     tip = tip or choose_tip(robot, base)
     corrected = parse_urdf(robot.path, corrected_urdf(rigid_part(model), robot, base, tip))
     path = corrected.chain(base, tip)
     for joint in path:
-        if joint.turns and joint.child not in own.bodies:
+        if joint.turns and joint.child not in robot_file.bodies:
             what = "turns a body that another joint turns, too"
             raise FileError(
-                own.path, f"joint {joint.name}", what, "give each joint a body of its own, or export a URDF"
+                robot_file.path, f"joint {joint.name}", what, "give each joint a body of its own, or export a URDF"
             )
-        _place(own, joint)
+        _place(robot_file, joint)
     if f"{tip}{CALIBRATED}" in corrected.joints:
-        behind = own.anchor(own.bodies[tip]) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
-        own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", **_placed(behind))
-    gravity = own.robot.standing(base)[:3, :3] @ model.constant_gravity
-    if np.abs(gravity - own.spec.option.gravity).max() > UNCHANGED:
-        own.spec.option.gravity = gravity
-    lost = (*_servos(model, own, path), *weigh(model, own, corrected, path), *left_out(model, HELD))
+        behind = robot_file.anchor(robot_file.bodies[tip]) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
+        robot_file.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", **_placed(behind))
+    gravity = robot_file.robot.standing(base)[:3, :3] @ model.constant_gravity
+    if np.abs(gravity - robot_file.spec.option.gravity).max() > UNCHANGED:
+        robot_file.spec.option.gravity = gravity
+    lost = (*_servos(model, robot_file, path), *weigh(model, robot_file, corrected, path), *left_out(model, HELD))
     places = static_play(model)
     turning = zip(model.arm.joint_names, (joint.name for joint in path if joint.commanded), strict=True)
     play = {name: places.get(place, 0.0) for place, name in turning}
-    text = _text(own, output, _add_springs(model, own, path), play)
-    return ExportedFile(text, f"{own.path.name} with the model in it", lost)
+    text = _text(robot_file, output, _add_springs(model, robot_file, path), play)
+    return ExportedFile(text, f"{robot_file.path.name} with the model in it", lost)
 
 
-def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]], play: Mapping[str, float]) -> str:
+def _text(robot_file: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]], play: Mapping[str, float]) -> str:
     """Text of the changed file, which finds meshes and textures from the output's folder.
 
     `ahead`: by joint, other joints of the body that turn it first; MuJoCo's `MjSpec` puts new ones last. `play`: rad.
     """
-    tree = ElementTree.fromstring(own.spec.to_xml())
+    tree = ElementTree.fromstring(robot_file.spec.to_xml())
     for body in tree.iter("body"):
         joints = {joint.get("name", ""): joint for joint in body.findall("joint")}
         for name in joints.keys() & ahead.keys():
@@ -95,24 +95,24 @@ def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]], play
         for name in joints.keys() & play.keys():
             add_play(body, name, play[name], angle_unit(tree))
     for compiler in tree.findall("compiler"):
-        if output.parent.resolve() != own.path.parent.resolve():
+        if output.parent.resolve() != robot_file.path.parent.resolve():
             for folder in ("meshdir", "texturedir"):
-                compiler.set(folder, relpath(own.path.parent / getattr(own.spec, folder), output.parent))
+                compiler.set(folder, relpath(robot_file.path.parent / getattr(robot_file.spec, folder), output.parent))
     return ElementTree.tostring(tree, encoding="unicode") + "\n"
 
 
-def _place(own: MjcfRobot, joint: UrdfJoint) -> None:
+def _place(robot_file: MjcfRobot, joint: UrdfJoint) -> None:
     """Puts a body, or the tip's site, where a joint of the corrected robot has it."""
-    before = own.robot.joints[joint.child].origin
+    before = robot_file.robot.joints[joint.child].origin
     if np.abs(before - joint.origin).max() < UNCHANGED:
         return
-    stands = own.anchor(own.bodies[joint.parent]) @ joint.origin
-    if joint.child in own.bodies:
-        child = own.bodies[joint.child]
-        stands = stands @ inverse(own.zero(child)) @ inverse(own.anchor(child))
-        element = own.spec_body(joint.child)
+    stands = robot_file.anchor(robot_file.bodies[joint.parent]) @ joint.origin
+    if joint.child in robot_file.bodies:
+        child = robot_file.bodies[joint.child]
+        stands = stands @ inverse(robot_file.zero(child)) @ inverse(robot_file.anchor(child))
+        element = robot_file.spec_body(joint.child)
     else:
-        element = own.spec.site(joint.child)
+        element = robot_file.spec.site(joint.child)
     if element.frame is not None:
         element.set_frame(element.parent.add_frame())
     element.alt.type = 0  # mjORIENTATION_QUAT
@@ -125,14 +125,14 @@ def _placed(T: Array) -> dict[str, Array]:
     return {"pos": T[:3, 3], "quat": quaternions(T[None, :3, :3])[0]}
 
 
-def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator[str]:
+def _servos(model: Model, robot_file: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator[str]:
     """Gives the joints their compliance and friction; yields what they cannot have."""
     turning, stiffness = [joint for joint in path if joint.commanded], spring_stiffness(model)
     yield from play_of_leaders(model)
     for number, joint in enumerate(turning):
         slot = model.chain.joint_slots[number]
         place = model.arm.joint_names[number]
-        actuator = next((a for a in own.spec.actuators if a.target == joint.name and a.biasprm[1] < 0.0), None)
+        actuator = next((a for a in robot_file.spec.actuators if a.target == joint.name and a.biasprm[1] < 0.0), None)
         if slot in stiffness and actuator is None:
             yield f"compliance@{place} (no position actuator on {joint.name})"
         if slot in stiffness and actuator is not None:
@@ -141,11 +141,11 @@ def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator
         if h > 0.0 or (h < 0.0 and actuator is None):
             yield f"hysteresis@{place} ({'it overshoots' if h > 0.0 else f'no position actuator on {joint.name}'})"
         elif h < 0.0 and actuator is not None:
-            own.spec.joint(joint.name).frictionloss = -0.5 * h * float(actuator.gainprm[0])
-            own.spec.joint(joint.name).solimp_friction[:2] = HARDEST
+            robot_file.spec.joint(joint.name).frictionloss = -0.5 * h * float(actuator.gainprm[0])
+            robot_file.spec.joint(joint.name).solimp_friction[:2] = HARDEST
 
 
-def _add_springs(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> dict[str, list[str]]:
+def _add_springs(model: Model, robot_file: MjcfRobot, path: Sequence[UrdfJoint]) -> dict[str, list[str]]:
     """Adds a hinge for what bends beside the joints; names of those that come before a joint, by its name.
 
     What bends before a link's own weight is borne by the next joint's body, before its turn.
@@ -159,23 +159,23 @@ def _add_springs(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> dic
             continue
         if bends_own_weight(model, k) or number == len(turning):
             joint, stands = turning[number - 1], carriers[number - 1]
-            local = own.anchor(own.bodies[joint.child]) @ inverse(stands) @ places[k]
+            local = robot_file.anchor(robot_file.bodies[joint.child]) @ inverse(stands) @ places[k]
         else:
             joint, stands = turning[number], carriers[number]
-            child = own.bodies[joint.child]
-            local = own.anchor(child) @ own.zero(child) @ inverse(stands) @ places[k]
+            child = robot_file.bodies[joint.child]
+            local = robot_file.anchor(child) @ robot_file.zero(child) @ inverse(stands) @ places[k]
             ahead.setdefault(joint.name, []).append(slot.key)
-        _add_hinge(own, joint.child, slot.key, local[:3, 3], local[:3, slot.axis], stiffness)
+        _add_hinge(robot_file, joint.child, slot.key, local[:3, 3], local[:3, slot.axis], stiffness)
     return ahead
 
 
-def _add_hinge(own: MjcfRobot, link: str, name: str, anchor: Array, axis: Array, stiffness: float) -> None:
+def _add_hinge(robot_file: MjcfRobot, link: str, name: str, anchor: Array, axis: Array, stiffness: float) -> None:
     """A joint more of a body: a spring (N·m/rad)."""
-    body = own.spec_body(link)
+    body = robot_file.spec_body(link)
     hinge = body.add_joint(name=name, pos=anchor, axis=axis)
     hinge.stiffness = _linear(stiffness, hinge.stiffness)
     hinge.damping = _linear(SPRING_DAMPING, hinge.damping)
-    if own.compiled.body_subtreemass[own.bodies[link]] <= 0.0:
+    if robot_file.compiled.body_subtreemass[robot_file.bodies[link]] <= 0.0:
         body.mass, body.inertia, body.explicitinertial = LEAST_MASS, np.full(3, LEAST_INERTIA), True
 
 
@@ -186,7 +186,14 @@ def _linear(value: float, before: ArrayLike) -> ArrayLike:
 
 def _value(model: Model, effect: str, place: str) -> float:
     """First parameter of an effect at a joint; 0 without it."""
-    return next((values[0] for own, values in model.parts() if (own.id, own.place) == (effect, place)), 0.0)
+    return next(
+        (
+            values[0]
+            for effect_there, values in model.parts()
+            if (effect_there.id, effect_there.place) == (effect, place)
+        ),
+        0.0,
+    )
 
 
 def places_at_zero(model: Model) -> list[Array]:
@@ -217,7 +224,7 @@ def carriers_of(path: Sequence[UrdfJoint]) -> list[Array]:
     return out
 
 
-def weigh(model: Model, own: MjcfRobot, robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:
+def weigh(model: Model, robot_file: MjcfRobot, robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:
     """Gives what each joint carries the model's mass and centre of mass, by its heaviest part; yields what cannot be.
 
     `robot`: the corrected one. `path`: its joints from base to tip.
@@ -226,7 +233,7 @@ def weigh(model: Model, own: MjcfRobot, robot: Urdf, path: Sequence[UrdfJoint]) 
     onward = [*links[1:], ""]
     for number, (link, stands, without) in enumerate(zip(links, carriers_of(path), onward, strict=True), start=1):
         parts = [(name, where, robot.links[name]) for name, where in robot.carried_by(link, without)]
-        heavy = [(name, where, mass) for name, where, mass in parts if mass is not None and name in own.bodies]
+        heavy = [(name, where, mass) for name, where, mass in parts if mass is not None and name in robot_file.bodies]
         has = sum((mass.mass * (where @ np.array([*mass.com, 1.0])) for _, where, mass in heavy), np.zeros(4))
         lacks = inverse(stands) @ moments[number] - has
         if np.abs(lacks).max() < SAME:
@@ -236,7 +243,7 @@ def weigh(model: Model, own: MjcfRobot, robot: Urdf, path: Sequence[UrdfJoint]) 
         if moment[3] <= 0.0:
             yield f"the weight of {name}"
         else:
-            _set_mass(own, name, moment)
+            _set_mass(robot_file, name, moment)
 
 
 def _moments(model: Model) -> dict[int, Array]:
@@ -249,9 +256,9 @@ def _moments(model: Model) -> dict[int, Array]:
     return out
 
 
-def _set_mass(own: MjcfRobot, link: str, moment: Array) -> None:
-    number, body = own.bodies[link], own.spec_body(link)
-    compiled = own.compiled
-    body.mass, body.ipos = float(moment[3]), moment[:3] / moment[3] + own.anchor(number)[:3, 3]
+def _set_mass(robot_file: MjcfRobot, link: str, moment: Array) -> None:
+    number, body = robot_file.bodies[link], robot_file.spec_body(link)
+    compiled = robot_file.compiled
+    body.mass, body.ipos = float(moment[3]), moment[:3] / moment[3] + robot_file.anchor(number)[:3, 3]
     body.inertia, body.iquat = compiled.body_inertia[number], compiled.body_iquat[number]
     body.fullinertia, body.ialt.type, body.explicitinertial = np.full(6, np.nan), 0, True

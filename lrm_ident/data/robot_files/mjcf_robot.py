@@ -80,10 +80,10 @@ class MjcfRobot:
 
     def joint_zero(self, joint: int) -> Array:
         """(4, 4), turn of a joint from the angle that the file draws it at to zero."""
-        own = self.compiled
+        compiler = self.compiled
         if self.kind(joint) != "revolute":
             return np.eye(4)
-        return turn(own.jnt_axis[joint].tolist(), -self.drawn_at(joint))
+        return turn(compiler.jnt_axis[joint].tolist(), -self.drawn_at(joint))
 
     def kind(self, joint: int) -> str:
         """Type of a joint, by URDF's names."""
@@ -183,89 +183,97 @@ def _is_there(path: Path, spec: Any, mesh: Any) -> bool:
     return any((path.parent / place / mesh.file).is_file() for place in (folder, Path()))
 
 
-def _as_links(own: MjcfRobot) -> Urdf:
-    tree, compiled = ElementTree.Element("robot", name=own.path.stem), own.compiled
+def _as_links(robot_file: MjcfRobot) -> Urdf:
+    tree, compiled = ElementTree.Element("robot", name=robot_file.path.stem), robot_file.compiled
     for body in range(compiled.nbody):
-        link = ElementTree.SubElement(tree, "link", name=own.link(body))
+        link = ElementTree.SubElement(tree, "link", name=robot_file.link(body))
         if body:
-            _add_mass(link, own, body)
-            _add_joints(tree, own, body)
+            _add_mass(link, robot_file, body)
+            _add_joints(tree, robot_file, body)
     for site in range(compiled.nsite):
         name, body = compiled.site(site).name, int(compiled.site_bodyid[site])
-        if name and name not in own.bodies:
+        if name and name not in robot_file.bodies:
             ElementTree.SubElement(tree, "link", name=name)
-            origin = inverse(own.anchor(body)) @ _pose(compiled.site_quat[site], compiled.site_pos[site])
-            append_joint(tree, f"{name}_site", "fixed", own.link(body), name, origin)
-    robot = urdf_of(own.path, tree)
+            origin = inverse(robot_file.anchor(body)) @ _pose(compiled.site_quat[site], compiled.site_pos[site])
+            append_joint(tree, f"{name}_site", "fixed", robot_file.link(body), name, origin)
+    robot = urdf_of(robot_file.path, tree)
     x, y, z = compiled.opt.gravity.tolist()
-    return replace(robot, gravity=(x, y, z), notices=tuple(_closed_loops(own)), unweighed=own.unweighed)
+    return replace(robot, gravity=(x, y, z), notices=tuple(_closed_loops(robot_file)), unweighed=robot_file.unweighed)
 
 
-def _closed_loops(own: MjcfRobot) -> Iterator[str]:
+def _closed_loops(robot_file: MjcfRobot) -> Iterator[str]:
     """Notices of equalities, beside those of two joints, that may couple joints of the arm."""
     import mujoco
 
     kinds = {mujoco.mjtEq.mjEQ_CONNECT: "connect", mujoco.mjtEq.mjEQ_WELD: "weld", mujoco.mjtEq.mjEQ_TENDON: "tendon"}
-    active = own.compiled.eq_type[np.asarray(own.compiled.eq_active0, dtype=bool)]
-    found = [f"{int((active == kind).sum())} <{name}>" for kind, name in kinds.items() if (active == kind).any()]
-    if found:
-        yield f"the <equality> of {' and '.join(found)} is not read: joints that it couples count as free"
+    active = robot_file.compiled.eq_type[np.asarray(robot_file.compiled.eq_active0, dtype=bool)]
+    closing = [f"{int((active == kind).sum())} <{name}>" for kind, name in kinds.items() if (active == kind).any()]
+    if closing:
+        yield f"the <equality> of {' and '.join(closing)} is not read: joints that it couples count as free"
 
 
 def _pose(quaternion: Array, position: Array) -> Array:
     return homogeneous(rotation_matrix(quaternion), position)
 
 
-def _add_joints(tree: ElementTree.Element, own: MjcfRobot, body: int) -> None:
+def _add_joints(tree: ElementTree.Element, robot_file: MjcfRobot, body: int) -> None:
     """The joints of a body in a chain; between two of them stands a link without mass."""
-    compiled, joints = own.compiled, own.joints_of(body)
+    compiled, joints = robot_file.compiled, robot_file.joints_of(body)
     parent = int(compiled.body_parentid[body])
-    before, name = own.link(parent), own.link(body)
-    stands = inverse(own.anchor(parent)) @ _pose(compiled.body_quat[body], compiled.body_pos[body])
+    before, name = robot_file.link(parent), robot_file.link(body)
+    stands = inverse(robot_file.anchor(parent)) @ _pose(compiled.body_quat[body], compiled.body_pos[body])
     if not joints:
         append_joint(tree, f"{name}_fixed", "fixed", before, name, stands)
     for joint in joints:
-        after = name if joint == joints[-1] else f"{name}_{own.joint_name(joint)}"
+        after = name if joint == joints[-1] else f"{name}_{robot_file.joint_name(joint)}"
         if after != name:
             ElementTree.SubElement(tree, "link", name=after)
-        _add_joint(tree, own, joint, (before, after), stands @ own.joint_anchor(joint) @ own.joint_zero(joint))
-        before, stands = after, inverse(own.joint_anchor(joint))
+        _add_joint(
+            tree,
+            robot_file,
+            joint,
+            (before, after),
+            stands @ robot_file.joint_anchor(joint) @ robot_file.joint_zero(joint),
+        )
+        before, stands = after, inverse(robot_file.joint_anchor(joint))
 
 
-def _add_joint(tree: ElementTree.Element, own: MjcfRobot, joint: int, ends: tuple[str, str], origin: Array) -> None:
-    compiled, kind = own.compiled, own.kind(joint)
+def _add_joint(
+    tree: ElementTree.Element, robot_file: MjcfRobot, joint: int, ends: tuple[str, str], origin: Array
+) -> None:
+    compiled, kind = robot_file.compiled, robot_file.kind(joint)
     limited = bool(compiled.jnt_limited[joint])
     kind = kind if limited or kind != "revolute" else "continuous"
-    element = append_joint(tree, own.joint_name(joint), kind, *ends, origin)
+    element = append_joint(tree, robot_file.joint_name(joint), kind, *ends, origin)
     ElementTree.SubElement(element, "axis", xyz=numbers(compiled.jnt_axis[joint]))
     if limited:
         low, high = map(repr, compiled.jnt_range[joint].tolist())
         ElementTree.SubElement(element, "limit", lower=low, upper=high)
-    _add_coupling(element, own, joint)
+    _add_coupling(element, robot_file, joint)
 
 
-def _add_coupling(element: ElementTree.Element, own: MjcfRobot, joint: int) -> None:
+def _add_coupling(element: ElementTree.Element, robot_file: MjcfRobot, joint: int) -> None:
     """The equality by which a joint follows another one, q - q_drawn = a + b (p - p_drawn): as a `<mimic>`."""
     import mujoco
 
-    compiled = own.compiled
+    compiled = robot_file.compiled
     for number in np.flatnonzero(compiled.eq_type == mujoco.mjtEq.mjEQ_JOINT):
         leader = int(compiled.eq_obj2id[number])
         if int(compiled.eq_obj1id[number]) != joint or not compiled.eq_active0[number]:
             continue
         a, b, *more = compiled.eq_data[number][:5].tolist()
-        mimic = ElementTree.SubElement(element, "mimic", offset=repr(a + own.drawn_at(joint)))
+        mimic = ElementTree.SubElement(element, "mimic", offset=repr(a + robot_file.drawn_at(joint)))
         if leader >= 0:
-            offset = a + own.drawn_at(joint) - b * own.drawn_at(leader)
-            mimic.attrib.update(joint=own.joint_name(leader), multiplier=repr(b), offset=repr(offset))
+            offset = a + robot_file.drawn_at(joint) - b * robot_file.drawn_at(leader)
+            mimic.attrib.update(joint=robot_file.joint_name(leader), multiplier=repr(b), offset=repr(offset))
         if leader >= 0 and any(more):
             mimic.set(POLYNOMIAL, numbers([a, b, *more]))
 
 
-def _add_mass(link: ElementTree.Element, own: MjcfRobot, body: int) -> None:
-    mass = float(own.compiled.body_mass[body])
+def _add_mass(link: ElementTree.Element, robot_file: MjcfRobot, body: int) -> None:
+    mass = float(robot_file.compiled.body_mass[body])
     if mass > 10.0 * NO_MASS:
         inertial = ElementTree.SubElement(link, "inertial")
-        com = own.compiled.body_ipos[body] - own.anchor(body)[:3, 3]
+        com = robot_file.compiled.body_ipos[body] - robot_file.anchor(body)[:3, 3]
         ElementTree.SubElement(inertial, "origin", xyz=numbers(com))
         ElementTree.SubElement(inertial, "mass", value=repr(mass))

@@ -80,11 +80,11 @@ def _plain(joint: ElementTree.Element) -> str:
 
 def _driver(path: Path, tree: ElementTree.Element) -> str:
     named = list(dict.fromkeys(_plugins(tree)))
-    known = [name for name in named if name in (DYNAMIXEL, FEETECH)]
-    if len(known) != 1:
+    drivers = [name for name in named if name in (DYNAMIXEL, FEETECH)]
+    if len(drivers) != 1:
         what = f"its driver is {', '.join(named) or 'not named in a <plugin>'}"
         raise FileError(path, "ros2_control", what, f"one of {DYNAMIXEL}, {FEETECH} has offsets")
-    return known[0]
+    return drivers[0]
 
 
 def _plugins(tree: ElementTree.Element) -> Iterator[str]:

@@ -97,21 +97,21 @@ def import_arm(
     tool = placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
     every = [_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True)]
     mimics = tuple(_mimics(turning, every))
-    own = [link for joint, link in zip(turning, every, strict=True) if joint.commanded]
+    commanded = [link for joint, link in zip(turning, every, strict=True) if joint.commanded]
     bodies = tuple(_bodies(robot, path, [*stands[1:], stands[-1]]))
     load = Body("load", 0.0, (0.0, 0.0, 0.0), len(every) + 1, len(every), carries_payload=True)
     try:
-        joints = within_mimics(own, mimics)
+        joints = within_mimics(commanded, mimics)
     except LrmError as error:
         raise FileError(robot.path, "", str(error)) from None
-    notices.extend(_narrowed(own, joints, mimics))
+    notices.extend(_narrowed(commanded, joints, mimics))
     gravity = _gravity(robot, base, notices)
     arm = Arm(name or robot.name, gravity, placed, joints, tool, (*bodies, load), mimics=mimics)
     notices.extend(_rods(robot, path))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
     unweighed = [ImplausibleArm("mass", robot.unweighed, "put it there")] if robot.unweighed else []
-    notices.extend(found.what for found in unweighed)
+    notices.extend(fault.what for fault in unweighed)
     broken = [
         *unweighed,
         *implausible(arm, "metres"),
@@ -119,9 +119,9 @@ def import_arm(
         *_angles_in_degrees(robot, path),
         *_heavy(arm, robot, path, notices),
     ]
-    faults = [found for found in broken if found.rule not in accept]
-    raise_faults(robot.path, [FileError(robot.path, "", found.what, _right(found)) for found in faults])
-    arm = replace(arm, accepted=tuple(dict.fromkeys(found.rule for found in broken)))
+    faults = [fault for fault in broken if fault.rule not in accept]
+    raise_faults(robot.path, [FileError(robot.path, "", fault.what, _right(fault)) for fault in faults])
+    arm = replace(arm, accepted=tuple(dict.fromkeys(fault.rule for fault in broken)))
     difference = largest_difference(model_of(arm, ()), path)
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")
@@ -130,11 +130,11 @@ def import_arm(
 
 def _narrowed(stated: Sequence[Joint], joints: Sequence[Joint], mimics: Sequence[MimicJoint]) -> Iterator[str]:
     """Notices of joints that turn less far than their own limits, since what follows them stops."""
-    for number, (one, other) in enumerate(zip(stated, joints, strict=True)):
-        if (one.lower, one.upper) != (other.lower, other.upper):
+    for number, (limited, other) in enumerate(zip(stated, joints, strict=True)):
+        if (limited.lower, limited.upper) != (other.lower, other.upper):
             names = " and ".join(mimic.link.name for mimic in mimics if mimic.leader == number)
-            was, now = (f"{math.degrees(j.lower):.4g} to {math.degrees(j.upper):.4g}" for j in (one, other))
-            yield f"{one.name}: limits {was} deg become {now} deg, where {names} stops that follows it"
+            was, after = (f"{math.degrees(j.lower):.4g} to {math.degrees(j.upper):.4g}" for j in (limited, other))
+            yield f"{limited.name}: limits {was} deg become {after} deg, where {names} stops that follows it"
 
 
 def _rods(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:
@@ -148,8 +148,8 @@ def _rods(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:
             yield f"the mass of '{child}' beside the arm turns with joint {leader}: it counts as it stands at zero"
 
 
-def _right(found: ImplausibleArm) -> str:
-    return f"{found.right}; if that is your arm: --accept {found.rule}"
+def _right(fault: ImplausibleArm) -> str:
+    return f"{fault.right}; if that is your arm: --accept {fault.rule}"
 
 
 def _limits_in_degrees(turning: Sequence[UrdfJoint]) -> Iterator[ImplausibleArm]:

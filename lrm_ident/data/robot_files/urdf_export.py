@@ -171,7 +171,7 @@ def zero_offset(model: Model, chain: Chain, i: int) -> float:
 
 def _origins(model: Model, path: Sequence[UrdfJoint]) -> dict[str, Array]:
     """New `<origin>` (4, 4) of joints of the chain by name; '' is one that has to be added behind the tip."""
-    drawn, corrected = (chain_frames(one) for one in (model_of(model.arm, ()), model))
+    drawn, corrected = (chain_frames(variant) for variant in (model_of(model.arm, ()), model))
     out: dict[str, Array] = {}
     nominal, parent, number = np.eye(4), np.eye(4), 0
     behind = np.eye(4)  # fixed joints since the last turning one, as drawn
@@ -207,9 +207,11 @@ def _append_link(tree: ElementTree.Element, arm: Arm, name: str, number: int) ->
     if not bodies or not number:
         return
     stands = _body_frames(arm)
-    own = inverse(chain_frames(model_of(arm, ()))[number - 1])
+    drawn_frame = inverse(chain_frames(model_of(arm, ()))[number - 1])
     mass = sum(body.mass for body in bodies)
-    centre = sum(body.mass * (own @ stands[body.name] @ np.array([*body.com, 1.0]))[:3] for body in bodies) / mass
+    centre = (
+        sum(body.mass * (drawn_frame @ stands[body.name] @ np.array([*body.com, 1.0]))[:3] for body in bodies) / mass
+    )
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "origin", xyz=numbers(centre), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
@@ -240,5 +242,7 @@ def exported_difference(model: Model, text: str, base: str | None, tip: str | No
     """Largest difference of a written URDF's own kinematics from the rigid model's (m, or rad), at random poses."""
     robot = parse_urdf(Path("written.urdf"), text)
     base = base or robot.root
-    known = [link for link in robot.links if link.endswith(CALIBRATED)]
-    return largest_difference(model, robot.chain(base, known[0] if known else tip or choose_tip(robot, base)))
+    corrected_links = [link for link in robot.links if link.endswith(CALIBRATED)]
+    return largest_difference(
+        model, robot.chain(base, corrected_links[0] if corrected_links else tip or choose_tip(robot, base))
+    )

@@ -81,18 +81,18 @@ def packages_beside(path: Path) -> dict[str, Path]:
     A package is a folder with a `package.xml`, up to two folders below the three around the file's own package; else a
     folder of that name there, as people copy it.
     """
-    own = next((folder for folder in path.parents if (folder / MANIFEST).is_file()), path.parent)
-    found: dict[str, Path] = {}
-    for around in own.parents[:3]:
+    package = next((folder for folder in path.parents if (folder / MANIFEST).is_file()), path.parent)
+    packages: dict[str, Path] = {}
+    for around in package.parents[:3]:
         for pattern in (f"*/{MANIFEST}", f"*/*/{MANIFEST}"):
             for manifest in sorted(around.glob(pattern)):
                 name = PACKAGE_NAME.search(manifest.read_text(encoding="utf-8", errors="replace"))
                 if name:
-                    found.setdefault(name[1], manifest.parent)
-    for around in own.parents[:3]:
+                    packages.setdefault(name[1], manifest.parent)
+    for around in package.parents[:3]:
         for folder in sorted(entry for entry in around.iterdir() if entry.is_dir()):
-            found.setdefault(folder.name, folder)
-    return found
+            packages.setdefault(folder.name, folder)
+    return packages
 
 
 def _fault(path: Path, error: Exception) -> FileError:

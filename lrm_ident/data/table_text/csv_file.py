@@ -284,7 +284,7 @@ def _with_points(table: CsvTable) -> CsvTable:
     Columns that are mostly empty or words do not tell what commas mean: a note may say "3,4".
     """
     count = [sum(NUMBER.fullmatch(cell) is not None for cell in column) for column in zip(*table.rows, strict=True)]
-    numeric_columns = {j for j, found in enumerate(count) if 2 * found > len(table.rows)}
+    numeric_columns = {j for j, filled in enumerate(count) if 2 * filled > len(table.rows)}
     placed = [
         (n, cell)
         for row, n in zip(table.rows, table.lines, strict=True)

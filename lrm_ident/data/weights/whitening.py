@@ -88,8 +88,8 @@ class RowWeights:
     def _each(self) -> Array:
         """(3 N, 1), of positions that are alike along all axes."""
         sd = self.whitening.sd
-        known = np.ones(len(self.loss)) if sd is None else self.whitening.unit / sd
-        return np.repeat(known * np.sqrt(self.loss), 3)[:, None]
+        weights = np.ones(len(self.loss)) if sd is None else self.whitening.unit / sd
+        return np.repeat(weights * np.sqrt(self.loss), 3)[:, None]
 
     def __call__(self, columns: Array) -> Array:
         """Weighted columns (R N, m)."""
@@ -114,12 +114,12 @@ PLAIN = Whitening()
 def joint_covariance(observations: Sequence[Observation]) -> Array:
     """(N, R, R), lower triangles of the covariance of all that was measured of each pose (SI), positions first; NaN on
     the diagonal: not measured."""
-    blocks = [one.covariance for one in observations]
+    blocks = [observation.covariance for observation in observations]
     out = np.zeros((len(blocks[0]), *[sum(block.shape[1] for block in blocks)] * 2))
     end = 0
-    for one, block in zip(observations, blocks, strict=True):
+    for each, block in zip(observations, blocks, strict=True):
         rows = slice(end, end := end + block.shape[1])
-        out[:, rows, :3] = one.cross
+        out[:, rows, :3] = each.cross
         out[:, rows, rows] = block
     return out
 
@@ -127,13 +127,13 @@ def joint_covariance(observations: Sequence[Observation]) -> Array:
 def joint_root(observations: Sequence[Observation]) -> Array:
     """(N, R, R), root of the weights of all that was measured, positions first: of those that are correlated with them
     together, of every other one by itself."""
-    counts = [one.numbers.shape[1] for one in observations]
+    counts = [observation.numbers.shape[1] for observation in observations]
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-    together = [k for k, one in enumerate(observations) if k == 0 or isinstance(one.cross, np.ndarray)]
+    together = [k for k, observation in enumerate(observations) if k == 0 or isinstance(observation.cross, np.ndarray)]
     out = np.zeros((len(observations[0].values), sum(counts), sum(counts)))
     for group in (together, *([k] for k in range(len(counts)) if k not in together)):
-        own = np.concatenate([rows[k] for k in group])
-        out[:, own[:, None], own] = root_of(joint_covariance([observations[k] for k in group]))
+        rows_together = np.concatenate([rows[k] for k in group])
+        out[:, rows_together[:, None], rows_together] = root_of(joint_covariance([observations[k] for k in group]))
     return out
 
 
@@ -151,19 +151,19 @@ def root_of(covariance: Array) -> Array:
     return np.asarray(np.where(np.isnan(np.einsum("nrr->nr", covariance))[:, :, None], 0.0, root))
 
 
-def measured_alike(known: Whitening) -> Callable[[Poses], Whitening]:
+def measured_alike(whitening: Whitening) -> Callable[[Poses], Whitening]:
     """Weights of poses that are measured as others were: each has as much information as one of those on average.
 
-    `known`: weights of N poses. Parts that some of them lack count accordingly.
+    `whitening`: weights of N poses. Parts that some of them lack count accordingly.
     """
     root = None
-    if known.root is not None:
-        values, vectors = np.linalg.eigh(np.einsum("nrs,nrt->st", known.root, known.root) / len(known.root))
+    if whitening.root is not None:
+        values, vectors = np.linalg.eigh(np.einsum("nrs,nrt->st", whitening.root, whitening.root) / len(whitening.root))
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
 
     def weights(poses: Poses) -> Whitening:
         n = len(poses)
-        sd = None if known.sd is None else np.full(n, known.unit)
-        return Whitening(sd, None if root is None else np.broadcast_to(root, (n, *root.shape)), known.sensed)
+        sd = None if whitening.sd is None else np.full(n, whitening.unit)
+        return Whitening(sd, None if root is None else np.broadcast_to(root, (n, *root.shape)), whitening.sensed)
 
     return weights

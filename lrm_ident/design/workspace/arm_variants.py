@@ -63,8 +63,8 @@ def lengthened(arm: Arm, link: int, by: float) -> Arm:
     """
     if not 1 <= link <= len(arm.links):
         raise UnknownName("link", f"link{link}", [f"link{i + 1}" for i in range(len(arm.links))])
-    drawn, own = arm.links[link - 1], arm.link_places[link - 1]
-    lengths = [(own, name, getattr(drawn, name) or 0.0) for name in JOINT["mm"]]
+    drawn, own_place = arm.links[link - 1], arm.link_places[link - 1]
+    lengths = [(own_place, name, getattr(drawn, name) or 0.0) for name in JOINT["mm"]]
     if link == len(arm.links):
         lengths += [(TOOL, name, getattr(arm.tool, name)) for name in PLACEMENT["mm"]]
     real = [part for part in lengths if abs(part[2]) > NANOMETRE]

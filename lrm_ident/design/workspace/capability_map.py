@@ -126,12 +126,12 @@ def capability_map(
 
 def _reached(solver: NominalSolver, positions: Array, orientations: Array, scene: Scene | None, margin: float) -> Mask:
     """(N,), whether a pose has a branch within the joint limits and free of collisions."""
-    found = solver.solve_batch(positions, orientations)
+    solved = solver.solve_batch(positions, orientations)
     if scene is None:
-        return found.solved
+        return solved.solved
     clear = np.zeros(len(positions), dtype=np.bool_)
-    for branch in range(found.valid.shape[1]):
-        rows = np.flatnonzero(found.valid[:, branch] & ~clear)
+    for branch in range(solved.valid.shape[1]):
+        rows = np.flatnonzero(solved.valid[:, branch] & ~clear)
         if len(rows):
-            clear[rows] = clearance(scene, found.q[rows, branch]).distance >= margin
+            clear[rows] = clearance(scene, solved.q[rows, branch]).distance >= margin
     return clear

@@ -131,10 +131,10 @@ def parse_area(words: str) -> Area:
 
     Raises `LrmError`: a syntax error, or a range that ends before it starts.
     """
-    found = AREA.fullmatch(words.strip())
-    if not found:
+    match = AREA.fullmatch(words.strip())
+    if not match:
         raise LrmError(f"area '{words}'; should be NAME=X:X,Y:Y,Z:Z in mm, for instance ground=50:350,-150:150,0:100")
-    name, *ends = found.groups()
+    name, *ends = match.groups()
     x0, x1, y0, y1, z0, z1 = (float(end) * MM for end in ends)
     if not (x0 < x1 and y0 < y1 and z0 < z1):
         raise LrmError(f"area '{words}': every range must start below its end")

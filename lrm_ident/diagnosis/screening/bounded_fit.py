@@ -94,9 +94,9 @@ class BoundedFit:
         """Estimate of no candidate: the error of the fit as it is."""
         return self._estimate(np.zeros((len(self.residual), 0)), np.zeros((2, 0)))
 
-    def explain(self, one: ScoredCandidate) -> BoundedEstimate:
+    def explain(self, scored: ScoredCandidate) -> BoundedEstimate:
         """Estimate of a candidate at its best shape."""
-        return self.explain_each([one])[0]
+        return self.explain_each([scored])[0]
 
     def explain_each(self, found: Sequence[ScoredCandidate]) -> list[BoundedEstimate]:
         """Estimate of each candidate alone at its best shape."""
@@ -150,11 +150,15 @@ class BoundedFit:
         One whose own estimate is beyond a bound is implausible by the screening, and may explain as much within it. An
         effect of the measurement is no rival of one of the arm.
         """
-        own = self.explain(first)
-        left = own.squares if refit is None else max(own.squares, self.left_by(refit), key=np.sum)
+        estimate_of_first = self.explain(first)
+        squares = (
+            estimate_of_first.squares
+            if refit is None
+            else max(estimate_of_first.squares, self.left_by(refit), key=np.sum)
+        )
         measures = first.candidate.effect.part is ModelPart.MEASUREMENT
         before = float((self.screening.linear.residual[: self.screening.linear.measured] ** 2).sum())
-        least = EQUIVALENT_GAIN * (before - float(left.sum()))
+        least = EQUIVALENT_GAIN * (before - float(squares.sum()))
         rivals = [
             one
             for one in self.screening.scored
@@ -162,15 +166,18 @@ class BoundedFit:
             and not one.candidate.effect.is_free_form
             and (measures or one.candidate.effect.part is not ModelPart.MEASUREMENT)
         ]
-        found = []
+        better = []
         for one, estimate in zip(rivals, self.explain_each(rivals), strict=True):
             rest = float(estimate.squares.sum())
-            changed, known = not (own.as_screened and estimate.as_screened), one.name in equivalent
-            near = changed and before - rest > least and paired_z(left, estimate.squares) < Z_THRESHOLD
-            less = rest < float(left.sum())
-            if (changed and less) if known else (near or less):
-                found.append((rest, one))
-        return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+            changed, equivalent_to_first = (
+                not (estimate_of_first.as_screened and estimate.as_screened),
+                one.name in equivalent,
+            )
+            near = changed and before - rest > least and paired_z(squares, estimate.squares) < Z_THRESHOLD
+            less = rest < float(squares.sum())
+            if (changed and less) if equivalent_to_first else (near or less):
+                better.append((rest, one))
+        return [candidate for _, candidate in sorted(better, key=lambda pair: pair[0])]
 
 
 def _limits(one: ScoredCandidate) -> Array:

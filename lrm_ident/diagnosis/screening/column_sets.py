@@ -88,10 +88,10 @@ class ColumnSets:
         grams: dict[int, Array] = {}
         for stack, gram in zip(self.stacks, self.grams, strict=True):
             grams |= {int(number): gram[:, i : i + 1] for i, number in enumerate(stack.numbers)}
-        for number, own in sorted(columns_of(self.stacks).items(), key=lambda one: one[0]):
-            rows = self.columns[:, own], self.held_out[:, own], self.explained[:, :, own]
-            alone = stacks_of([own.stop - own.start])
-            yield ColumnSets(*rows, alone, self.along[:, own], (grams[number],))
+        for number, set_columns in sorted(columns_of(self.stacks).items(), key=lambda item: item[0]):
+            rows = self.columns[:, set_columns], self.held_out[:, set_columns], self.explained[:, :, set_columns]
+            alone = stacks_of([set_columns.stop - set_columns.start])
+            yield ColumnSets(*rows, alone, self.along[:, set_columns], (grams[number],))
 
     @property
     def starts(self) -> NDArray[np.int64]:
@@ -214,9 +214,9 @@ def _with_grams(
     grams = []
     for stack in stacks:
         every, explained_sets = by_set(columns, stack), by_set(explained, stack)
-        found = np.swapaxes(every, -1, -2) @ every - np.swapaxes(explained_sets, -1, -2) @ explained_sets
-        for part, out in zip(parts, found, strict=True):
-            own, left = by_set(columns[part.absent], stack), by_set(held_out[part.absent], stack)
-            out -= np.swapaxes(own, -1, -2) @ left
-        grams.append(found)
+        gram_of_set = np.swapaxes(every, -1, -2) @ every - np.swapaxes(explained_sets, -1, -2) @ explained_sets
+        for part, out in zip(parts, gram_of_set, strict=True):
+            columns_here, unexplained = by_set(columns[part.absent], stack), by_set(held_out[part.absent], stack)
+            out -= np.swapaxes(columns_here, -1, -2) @ unexplained
+        grams.append(gram_of_set)
     return ColumnSets(columns, held_out, explained, stacks, along, tuple(grams))

@@ -85,16 +85,24 @@ class SelectedColumns:
         nothing = np.empty((parts, 0, 0))
         return SelectedColumns(np.empty((rows, 0)), nothing, nothing, np.empty((parts, 0)))
 
-    def extended(self, one: ColumnSets, inverse_root: Array) -> SelectedColumns:
+    def extended(self, sets_added: ColumnSets, inverse_root: Array) -> SelectedColumns:
         """These columns and one set that is up to date with them; `inverse_root`: (parts, m, m), of that set."""
-        columns = np.concatenate([self.columns.T, one.columns.T]).T
-        known, size = self.columns.shape[1], columns.shape[1]
+        columns = np.concatenate([self.columns.T, sets_added.columns.T]).T
+        selected_count, size = self.columns.shape[1], columns.shape[1]
         amounts, root = np.zeros((2, len(inverse_root), size, size))
-        amounts[:, :known, :known], amounts[:, :known, known:] = self.amounts, one.explained
-        root[:, :known, :known], root[:, known:, known:] = self.inverse_root, inverse_root
+        amounts[:, :selected_count, :selected_count], amounts[:, :selected_count, selected_count:] = (
+            self.amounts,
+            sets_added.explained,
+        )
+        root[:, :selected_count, :selected_count], root[:, selected_count:, selected_count:] = (
+            self.inverse_root,
+            inverse_root,
+        )
         # inverse of a block triangular factor: [L₁ 0; B L₂]⁻¹ = [W₁ 0; −W₂ B W₁ W₂]
-        root[:, known:, :known] = -inverse_root @ np.swapaxes(one.explained, 1, 2) @ self.inverse_root
-        residual = (inverse_root @ one.along[:, :, None])[:, :, 0]
+        root[:, selected_count:, :selected_count] = (
+            -inverse_root @ np.swapaxes(sets_added.explained, 1, 2) @ self.inverse_root
+        )
+        residual = (inverse_root @ sets_added.along[:, :, None])[:, :, 0]
         return SelectedColumns(columns, amounts, root, np.concatenate([self.residual, residual], axis=1))
 
 
@@ -189,35 +197,40 @@ class LinearisedFit:
         selected, root = self.pose_by_pose(self.selected.columns), self.selected.inverse_root[0]
         # amounts along the fitted parameters' directions and along the selected ones; both are taken off the Gram
         # matrix, which is as good as projecting the columns, since (I − Q Qᵀ) is idempotent: CᵀPC = CᵀC − (QᵀC)ᵀ(QᵀC)
-        fitted, known, of_residual = (
+        fitted, of_known, of_residual = (
             self.measured_basis.T @ columns,
             root @ (selected.T @ columns),
             self.selected.residual[0],
         )
-        along = self.residual[: self.measured] @ columns - of_residual @ known
+        along = self.residual[: self.measured] @ columns - of_residual @ of_known
         shrunk = self.ridge * root @ root.T  # by how much the selected directions are short of unit length
-        left = np.full(len(sets), self.baseline.in_sample)
+        squares = np.full(len(sets), self.baseline.in_sample)
         for stack in stacks:
-            own, of_fitted, of_selected = (by_set(rows, stack) for rows in (columns, fitted, known))
-            gram = sum(sign * np.swapaxes(a, 1, 2) @ a for sign, a in ((1, own), (-1, of_fitted), (-1, of_selected)))
+            columns_here, of_fitted, of_selected = (by_set(rows, stack) for rows in (columns, fitted, of_known))
+            gram = sum(
+                sign * np.swapaxes(a, 1, 2) @ a for sign, a in ((1, columns_here), (-1, of_fitted), (-1, of_selected))
+            )
             right = along[stack.columns].reshape(len(stack.numbers), stack.size, 1)
             theta = np.linalg.solve(gram + self.ridge * np.eye(stack.size), right)
             # |r − Cθ|² falls by 2 θᵀCᵀr − θᵀCᵀCθ. Selected directions D are not of unit length, because the ridge
             # shortens them (DᵀD = I − ridge W Wᵀ): `short` takes that part out of Cᵀr and CᵀC again
             short = np.swapaxes(of_selected, 1, 2) @ shrunk
             change = (2.0 * (right - short @ of_residual[:, None]) - (gram - short @ of_selected) @ theta) * theta
-            left[stack.numbers] -= change.sum(axis=(1, 2))
-        return left
+            squares[stack.numbers] -= change.sum(axis=(1, 2))
+        return squares
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
         """Sets with all columns projected out that were selected since they were projected last."""
-        selected, known = self.selected, sets.explained.shape[1]
-        if known == selected.columns.shape[1]:
+        selected, selected_columns = self.selected, sets.explained.shape[1]
+        if selected_columns == selected.columns.shape[1]:
             return sets
         # only what was selected since: along the earlier directions the sets are up to date
-        along = sets.products(self.parts, selected.columns[:, known:])
-        along -= np.swapaxes(selected.amounts[:, :known, known:], 1, 2) @ sets.explained
-        return sets.with_explained(selected.inverse_root[:, known:, known:] @ along, selected.residual[:, known:])
+        along = sets.products(self.parts, selected.columns[:, selected_columns:])
+        along -= np.swapaxes(selected.amounts[:, :selected_columns, selected_columns:], 1, 2) @ sets.explained
+        return sets.with_explained(
+            selected.inverse_root[:, selected_columns:, selected_columns:] @ along,
+            selected.residual[:, selected_columns:],
+        )
 
     def beside(self, *sets: ColumnSets) -> LinearisedFit:
         """The fit with these columns selected too."""
@@ -225,14 +238,14 @@ class LinearisedFit:
             return self
         columns = self.up_to_date(united(sets, self.parts))
         root = _inverse_root(columns.grams[0][:, 0], self.ridge)
-        selected, known = self.selected.extended(columns, root), self.selected.columns.shape[1]
+        selected, selected_count = self.selected.extended(columns, root), self.selected.columns.shape[1]
         parts = []
         for number, part in enumerate(self.parts):
             # rows of the fold's own residual columns, less what the fold's earlier directions predict of them
-            left = columns.residual_rows(part) - part.predictor @ columns.explained[number]
-            directions = left @ root[number].T
+            residual = columns.residual_rows(part) - part.predictor @ columns.explained[number]
+            directions = residual @ root[number].T
             predictor = np.concatenate([part.predictor, directions], axis=1)
-            rest = part.residual - directions @ selected.residual[number, known:]
+            rest = part.residual - directions @ selected.residual[number, selected_count:]
             parts.append(replace(part, predictor=predictor, residual=rest))
         return replace(self, parts=tuple(parts), selected=selected)
 
@@ -252,19 +265,19 @@ class LinearisedFit:
             return []
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
-        left = []
-        for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
-            left.append(part.residual[:, None] - sets.predicted(part, amounts, own))
-        in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
+        residuals = []
+        for part, amounts, parameters in zip(self.parts, sets.explained, theta, strict=True):
+            residuals.append(part.residual[:, None] - sets.predicted(part, amounts, parameters))
+        in_sample, held_out = np.einsum("ts,ts->s", residuals[0], residuals[0]), self._by_pose(residuals[1:])
         held_out = at_most_outliers(held_out, self.baseline.held_out)
-        found: list[LinearEstimate | None] = [None] * len(sets)
+        estimates: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
             # the larger of what is left and the stated noise: a perfect fit by chance is not believed
             variance = float(in_sample[place]) / max(self.degrees_of_freedom - int(end - start), 1)
             error = np.sqrt(max(variance, self.sigma**2) * inverse[start:end])
-            found[number] = LinearEstimate(theta[0, start:end], error, float(in_sample[place]), held_out[place])
-        return [one for one in found if one is not None]
+            estimates[number] = LinearEstimate(theta[0, start:end], error, float(in_sample[place]), held_out[place])
+        return [estimate for estimate in estimates if estimate is not None]
 
     def _estimates(self, sets: ColumnSets) -> tuple[Array, Array]:
         """(parts, M), ridge estimates of every set alone; (M,), diagonal of the inverse normal matrix of the sample."""
@@ -277,11 +290,11 @@ class LinearisedFit:
             inverse[stack.columns] = np.diagonal(np.linalg.inv(normal[0]), axis1=1, axis2=2).reshape(-1)
         return theta, inverse
 
-    def _by_pose(self, left: Sequence[Array]) -> Array:
+    def _by_pose(self, residuals: Sequence[Array]) -> Array:
         """(S, N), squared 3-D distance of each pose, from the residuals (T, S) at the predicted rows of each fold."""
-        count = 1 if left[0].ndim == 1 else left[0].shape[1]
+        count = 1 if residuals[0].ndim == 1 else residuals[0].shape[1]
         held_out = np.empty((count, self.measured // self.rows))
-        for part, rows in zip(self.folds, left, strict=True):
+        for part, rows in zip(self.folds, residuals, strict=True):
             held_out[:, part.poses] = (rows.reshape(len(part.poses), self.rows, count) ** 2).sum(axis=1).T
         return held_out
 

@@ -68,7 +68,7 @@ class ScoredCandidate:
 
 
 def score_candidates(
-    found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
+    candidates: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
 ) -> tuple[list[ScoredCandidate], ColumnSets, list[Refusal]]:
     """Scores every candidate.
 
@@ -79,7 +79,7 @@ def score_candidates(
     their typical size nor significant, with the reason.
     """
     detectable, kept, undetectable = [], [], []
-    for number, (trial, columns) in enumerate(_at_best_shapes(found, linear, weigh)):
+    for number, (trial, columns) in enumerate(_at_best_shapes(candidates, linear, weigh)):
         moved = float(np.linalg.norm(columns))
         p_value = 1.0
         if trial.rank:
@@ -91,7 +91,7 @@ def score_candidates(
         else:
             detectable.append((trial, p_value))
             kept.append(columns)
-        progress(number + 1, 2 * len(found))
+        progress(number + 1, 2 * len(candidates))
     together = side_by_side(kept, len(linear.residual))
     kept.clear()  # of thousands of poses they are large
     sets = linear.in_folds(*together)
@@ -116,23 +116,26 @@ class _Trial:
 
 
 def _at_best_shapes(
-    found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights
+    candidates: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights
 ) -> Iterator[tuple[_Trial, Array]]:
     """Every candidate at its best shape, and its projected columns (R N, m); about `AT_ONCE` columns are projected
     together."""
-    ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
+    ends = np.cumsum([len(candidate.rows) * len(candidate.shapes) for candidate in candidates])
     for number in np.unique(ends // AT_ONCE):
-        together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
-        shapes = [(one, shape) for one in together for shape in one.shapes]
-        acting, moved = zip(*(one.acting(shape) for one, shape in shapes), strict=True)
+        together = [candidate for candidate, end in zip(candidates, ends, strict=True) if end // AT_ONCE == number]
+        shapes = [(candidate, shape) for candidate in together for shape in candidate.shapes]
+        acting, moved = zip(*(candidate.acting(shape) for candidate, shape in shapes), strict=True)
         every = [weigh(C) for C in moved]
-        left, starts = linear.residual_squares(every), np.cumsum([0, *(len(one.shapes) for one in together)])
-        best = [start + int(np.argmin(left[start:end])) for start, end in pairwise(starts.tolist())]
+        squares, starts = (
+            linear.residual_squares(every),
+            np.cumsum([0, *(len(candidate.shapes) for candidate in together)]),
+        )
+        best = [start + int(np.argmin(squares[start:end])) for start, end in pairwise(starts.tolist())]
         stacks = stacks_of([every[row].shape[1] for row in best])
         columns, place = linear.residualised((every[row] for row in best), stacks), columns_of(stacks)
-        for row, own in zip(best, (columns[:, place[i]].copy("F") for i in range(len(best))), strict=True):
-            (one, shape), rank = shapes[row], projected_rank(own, every[row])
-            yield _Trial(acting[row], len(one.rows), shape, rank, float(left[row])), own
+        for row, moved_rows in zip(best, (columns[:, place[i]].copy("F") for i in range(len(best))), strict=True):
+            (at_best, shape), rank = shapes[row], projected_rank(moved_rows, every[row])
+            yield _Trial(acting[row], len(at_best.rows), shape, rank, float(squares[row])), moved_rows
 
 
 def _implausible(candidate: Candidate, alone: LinearEstimate) -> Reason | None:

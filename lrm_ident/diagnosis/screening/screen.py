@@ -71,12 +71,14 @@ class Screening:
     @cached_property
     def ranked(self) -> list[ScoredCandidate]:
         """The testable candidates, best first."""
-        return sorted(self.scored, key=lambda one: one.alone.rms)
+        return sorted(self.scored, key=lambda candidate: candidate.alone.rms)
 
     @cached_property
     def pairs(self) -> EffectPairs:
         """The candidates, and pairs of them, beside the fit."""
-        return EffectPairs(self.scored, self.sets, self.linear, {one.name: one.alone for one in self.scored})
+        return EffectPairs(
+            self.scored, self.sets, self.linear, {candidate.name: candidate.alone for candidate in self.scored}
+        )
 
     @cached_property
     def subset(self) -> tuple[Fit, Measurements]:
@@ -96,7 +98,7 @@ class Screening:
     def _p_value(self, floor: NoiseFloor) -> float:
         return floor.p_value(self.fit.sigma, self.data.measured_rows - self.fit.effective_parameters)
 
-    def floor_beside(self, one: ScoredCandidate) -> NoiseFloor:
+    def floor_beside(self, scored: ScoredCandidate) -> NoiseFloor:
         """Noise of the measurements if the model had a candidate.
 
         Repeats of a pose that came from elsewhere differ by what play, friction or creep did before: pure error only
@@ -104,12 +106,12 @@ class Screening:
         noise is that without it.
         """
         fitted, part = self.subset
-        _, moved = one.candidate.acting(one.shape)
-        known = self.floor.sd
-        found = noise_floor(part, fitted.equilibrium, (moved @ one.alone.theta).reshape(len(part), -1))
-        if known is None or found.sd is None or found.source != "replicates" or FLOOR_RATIO * found.sd > known:
+        _, moved = scored.candidate.acting(scored.shape)
+        sd = self.floor.sd
+        floor = noise_floor(part, fitted.equilibrium, (moved @ scored.alone.theta).reshape(len(part), -1))
+        if sd is None or floor.sd is None or floor.source != "replicates" or FLOOR_RATIO * floor.sd > sd:
             return self.floor
-        return found
+        return floor
 
     @cached_property
     def structure(self) -> ResidualStructure:
@@ -143,10 +145,10 @@ class Screening:
         far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance, self.subset[1].whitening.measured)
         return tuple(self.data.pose[self.screened[far]].tolist())
 
-    def like_noise(self, one: ScoredCandidate) -> bool:
+    def like_noise(self, scored: ScoredCandidate) -> bool:
         """Whether the residual is no larger than a known noise and shows no structure: no cause is missing then, unless
         a candidate shows that the repeats, from which the noise is known, differ by what it does."""
-        return not self.structure.significant and self._within(self.floor) and self._within(self.floor_beside(one))
+        return not self.structure.significant and self._within(self.floor) and self._within(self.floor_beside(scored))
 
     def _within(self, floor: NoiseFloor) -> bool:
         """Whether the residual is no larger than a noise, by the lack-of-fit test and by `FLOOR_RATIO`: few repeats
@@ -174,8 +176,8 @@ def _screened(whole: Fit, data: Measurements, effects: Iterable[Unfitted], progr
     sensed = part.whitening.sensed
     testable, not_testable = split_testable(effects, fitted.equilibrium, sensed)
     response, every = differentiate_candidates(fitted.equilibrium, testable, sensed)
-    found = [with_likely_shapes(one, fitted.residual) for one in every]
-    scored, sets, undetectable = score_candidates(found, linear, weigh, progress)
+    candidates = [with_likely_shapes(candidate, fitted.residual) for candidate in every]
+    scored, sets, undetectable = score_candidates(candidates, linear, weigh, progress)
     return Screening(whole, data, screened, weigh, linear, response, scored, sets, (*not_testable, *undetectable))
 
 
@@ -207,11 +209,11 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
 def prior_rows(fitted: Fit, keys: Sequence[str]) -> tuple[Array, Array]:
     """(K, P) and (K,), the prior of a fit as measurements of its own parameters `keys`, of typical sizes: columns and
     residual (m), as noisy as the measurements."""
-    known = [] if fitted.prior is None else [row for row, key in enumerate(keys) if key in fitted.prior.keys]
-    rows = np.zeros((len(known), len(keys)))
-    if fitted.prior is None or not known:
+    prior_indices = [] if fitted.prior is None else [row for row, key in enumerate(keys) if key in fitted.prior.keys]
+    rows = np.zeros((len(prior_indices), len(keys)))
+    if fitted.prior is None or not prior_indices:
         return rows, np.zeros(0)
-    own = [keys[row] for row in known]
-    root = fitted.sigma * np.linalg.inv(np.linalg.cholesky(fitted.prior.covariance_of(own)))
-    rows[:, known] = root * [fitted.model.parameter(key).typical for key in own]
-    return rows, root @ (fitted.prior.mean_of(own) - [fitted.model.value(key) for key in own])
+    keys_of_rows = [keys[row] for row in prior_indices]
+    root = fitted.sigma * np.linalg.inv(np.linalg.cholesky(fitted.prior.covariance_of(keys_of_rows)))
+    rows[:, prior_indices] = root * [fitted.model.parameter(key).typical for key in keys_of_rows]
+    return rows, root @ (fitted.prior.mean_of(keys_of_rows) - [fitted.model.value(key) for key in keys_of_rows])

@@ -124,8 +124,8 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
     """
     quantities = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, i) for i, angle in enumerate(poses.q.T)]
     for k, tau in enumerate(torque.T):
-        one = _relative_quantity("tau" if k == joint else f"tau{k + 1}", "{tau}", tau)
-        quantities.append(replace(one, torque_of=k, foreign=k != joint))
+        relative = _relative_quantity("tau" if k == joint else f"tau{k + 1}", "{tau}", tau)
+        quantities.append(replace(relative, torque_of=k, foreign=k != joint))
     quantities.append(_relative_quantity("load", "poses.carried", poses.payload))
     if poses.direction is not None:
         quantities.append(_quantity("side", f"poses.approach({joint})", poses.direction[:, joint]))
@@ -188,7 +188,7 @@ def _terms_of_two(a: Quantity, b: Quantity) -> Iterator[tuple[str, ...]]:
             yield from ((_wave("sin", k, both), _wave("cos", k, both)) for k in PAIR_HARMONICS)
             yield from ((f"np.maximum({shifted}, 0.0)",) for shifted in _shifted(both, low, high))
             yield (f"np.abs({both})",)
-    yield from ((f"{left} * {right}",) for left in _factors(a) for right in _factors(b))
+    yield from ((f"{factor} * {right}",) for factor in _factors(a) for right in _factors(b))
 
 
 def _shifted(of: str, low: float, high: float) -> Iterator[str]:

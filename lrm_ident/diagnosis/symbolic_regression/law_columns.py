@@ -69,11 +69,11 @@ def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluate
     """
     distinct: dict[bytes, tuple[Law, Array]] = {}
     for law in sorted(laws, key=lambda law_: law_.size):
-        known = {} if any(quantity.name in OWN for quantity in law.quantities) else shared
-        if law.terms not in known:
+        quantities = {} if any(quantity.name in OWN for quantity in law.quantities) else shared
+        if law.terms not in quantities:
             terms = law.values(poses, torque)
-            known[law.terms] = terms, _fingerprint(terms)
-        terms, fingerprint = known[law.terms]
+            quantities[law.terms] = terms, _fingerprint(terms)
+        terms, fingerprint = quantities[law.terms]
         if fingerprint:
             distinct.setdefault(fingerprint, (law, terms))
     return [law for law, _ in distinct.values()], [terms for _, terms in distinct.values()]

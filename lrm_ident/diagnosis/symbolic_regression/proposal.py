@@ -128,15 +128,17 @@ def _propose(
     fitted: Fit,
     data: Measurements,
     before: ErrorStats,
-    known: RefittedLaw | None,
+    refitted: RefittedLaw | None,
     progress: OnProgress,
     on_progress: Callable[[str], object],
 ) -> LawProposal:
-    """The best law at any joint, or the best to add to a `known` one, with its equivalence class."""
-    start = fitted if known is None else known.fit
+    """The best law at any joint, or the best to add to a `refitted` one, with its equivalence class."""
+    start = fitted if refitted is None else refitted.fit
     linear = linearised(start, data, RowWeights(data.whitening, start.weight))
     groups = law_columns(start, data)
-    search = search_laws(linear, [one for one in groups if known is None or one.key == known.law.key], progress)
+    search = search_laws(
+        linear, [group for group in groups if refitted is None or group.key == refitted.law.key], progress
+    )
     without = linear.baseline.held_out
     nested = float(np.sqrt(search.nested.mean()))
     proposal = LawProposal(before, nested, search.p_value, len(search.laws), None)
@@ -148,14 +150,14 @@ def _propose(
     classed = _equivalent(search, order, without)
     refits: list[RefittedLaw] = []
     for law, _ in classed[:REFITS]:
-        whole = law if known is None else known.law.plus(law)
+        whole = law if refitted is None else refitted.law.plus(law)
         on_progress(f"refitting with {whole.formula}")
-        one = _refit(whole, fitted, data, proposal, known)
-        refits += [] if one is None else [one]
-    best = min(refits, key=lambda one: one.error.rms, default=None)
+        refit = _refit(whole, fitted, data, proposal, refitted)
+        refits += [] if refit is None else [refit]
+    best = min(refits, key=lambda candidate: candidate.error.rms, default=None)
     if best is None or best.error.rms > (1.0 - MIN_GAIN) * before.rms:
         return replace(proposal, reason=NoLaw.NOT_REFITTED)
-    rivals = tuple(one for one in classed if one[0] is not best.law)
+    rivals = tuple(rival for rival in classed if rival[0] is not best.law)
     return replace(proposal, best=best, equivalent=rivals[:CLASS_SHOWN])
 
 
@@ -175,12 +177,12 @@ def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> 
 
 
 def _refit(
-    law: Law, fitted: Fit, data: Measurements, found: LawProposal, known: RefittedLaw | None
+    law: Law, fitted: Fit, data: Measurements, proposal: LawProposal, refitted: RefittedLaw | None
 ) -> RefittedLaw | None:
-    """The law as an effect of its file, everything refitted; None if that fails. `known`: the law that it extends."""
+    """The law as an effect of its file, everything refitted; None if that fails. `refitted`: the law it extends."""
     largest = np.abs(law.values(data.poses, fitted.equilibrium.joint_torque)).max(axis=0)
-    beside = None if known is None else known.law
-    facts = how_found(found.tried, beside, found.before.rms, found.nested, found.p_value)
+    beside = None if refitted is None else refitted.law
+    facts = how_found(proposal.tried, beside, proposal.before.rms, proposal.nested, proposal.p_value)
     source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.source.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:
         file = Path(folder) / "law.py"

@@ -79,8 +79,10 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
         projected = linear.project_each(group.motions.T[:, :, None], [1] * group.motions.shape[1])
         whole, residual = _products(projected.columns, projected.columns, both, group), both[:, 0]
         for k, fold in enumerate(linear.folds):
-            own, test = projected.columns[fold.absent], projected.residual_rows(fold)
-            theta, explained = _solve(whole.less(_products(own, test, fold.residual[:, None], group)), group, linear)
+            columns, test = projected.columns[fold.absent], projected.residual_rows(fold)
+            theta, explained = _solve(
+                whole.less(_products(columns, test, fold.residual[:, None], group)), group, linear
+            )
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
             remaining = fold.residual[:, None] - predicted

@@ -129,8 +129,8 @@ class Objective:
     @property
     def has_full_prior(self) -> bool:
         """Whether every free parameter has a prior, but for those of the set-up of the measurement."""
-        known = set(self._with_prior)
-        return all(j in known or of_the_set_up(key) for j, key in enumerate(self.model.free))
+        with_prior = set(self._with_prior)
+        return all(j in with_prior or of_the_set_up(key) for j, key in enumerate(self.model.free))
 
     @cached_property
     def _prior_mean(self) -> Array:

@@ -23,12 +23,12 @@ def with_anchor_fitted(objective: Objective, iterate: Iterate, noise: NoiseScale
     The same iterate where there are none, or where that is no better. No equilibrium depends on them.
     """
     places = [row for row, key in enumerate(objective.model.free) if of_the_set_up(key)]
-    keys, known, best = [objective.model.free[row] for row in places], objective.data.whitening, iterate
+    keys, whitening, best = [objective.model.free[row] for row in places], objective.data.whitening, iterate
     for _ in range(STEPS if places else 0):
         weight = objective.root_weight(best, noise)
         target = (weight * best.residual).reshape(-1)
-        moved = direct_jacobian(best.equilibrium, keys, known.sensed) * objective.typical[places]
-        columns = (weight[:, :, None] * known(moved)).reshape(len(target), len(places))
+        moved = direct_jacobian(best.equilibrium, keys, whitening.sensed) * objective.typical[places]
+        columns = (weight[:, :, None] * whitening(moved)).reshape(len(target), len(places))
         z = best.z.copy()
         # the distance is nearly linear in the end as long as it is far: two or three steps settle it
         z[places] += np.linalg.lstsq(columns, target, rcond=None)[0]

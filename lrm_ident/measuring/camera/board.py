@@ -128,11 +128,11 @@ def board_pdf(board: CharucoBoard, paper: str) -> bytes:
 def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
     """Operators of the page; lengths in mm."""
     board_width, board_height = (1e3 * side for side in board.size)
-    left, bottom = (width - board_width) / 2.0, height - MARGIN - 10.0 - board_height
-    yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Picture1 Do Q"
+    x_left, bottom = (width - board_width) / 2.0, height - MARGIN - 10.0 - board_height
+    yield f"q {board_width:.4f} 0 0 {board_height:.4f} {x_left:.4f} {bottom:.4f} cm /Picture1 Do Q"
     size, marker = f"{board.columns} x {board.rows}", MARKER * board.square_mm
     words = f"ChArUco {size}, squares {board.square_mm:g} mm, markers {marker:g} mm, {board.dictionary}"
-    yield words_at(left, bottom - 6.0, words)
+    yield words_at(x_left, bottom - 6.0, words)
     ruler, start = bottom - 22.0, (width - RULER) / 2.0
     yield from ruler_of_100_mm(start, ruler)
     yield words_at(start, ruler - 10.0, "Glue the board on something flat and stiff; matt paper, no gloss.")
@@ -166,15 +166,15 @@ MIRRORED = RejectedPhoto("the board is mirrored: print it unmirrored, or turn of
 
 def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | RejectedPhoto:
     """The corners in a grey picture (H, W)."""
-    found = detected(picture, board)
-    if len(found.numbers) < FEWEST:
+    corners = detected(picture, board)
+    if len(corners.numbers) < FEWEST:
         mirrored = detected(np.ascontiguousarray(picture[:, ::-1]), board)
         if len(mirrored.numbers) >= FEWEST:
             return MIRRORED
-        return RejectedPhoto(f"{len(found.numbers)} of {len(board.corners)} corners seen, {FEWEST} are needed")
-    if np.linalg.matrix_rank(board.corners[found.numbers, :2] - board.corners[found.numbers[0], :2]) < 2:
+        return RejectedPhoto(f"{len(corners.numbers)} of {len(board.corners)} corners seen, {FEWEST} are needed")
+    if np.linalg.matrix_rank(board.corners[corners.numbers, :2] - board.corners[corners.numbers[0], :2]) < 2:
         return RejectedPhoto("the corners seen are all in one row")
-    return _quality(picture, found) or found
+    return _quality(picture, corners) or corners
 
 
 def detected(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:

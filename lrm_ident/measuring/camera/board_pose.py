@@ -62,17 +62,17 @@ def find_board(name: str, picture: Picture, lens: Lens) -> BoardPose | RejectedP
     return corners if isinstance(corners, RejectedPhoto) else board_pose(corners, lens)
 
 
-def board_pose(found: Corners, lens: Lens) -> BoardPose | RejectedPhoto:
+def board_pose(corners: Corners, lens: Lens) -> BoardPose | RejectedPhoto:
     """The pose of the board whose corners were found."""
-    cv2, points = opencv(), lens.board.corners[found.numbers]
+    cv2, points = opencv(), lens.board.corners[corners.numbers]
     _, turns, shifts, _ = cv2.solvePnPGeneric(
-        points.astype(np.float64), found.pixels, lens.matrix, np.array(lens.distortion), flags=cv2.SOLVEPNP_IPPE
+        points.astype(np.float64), corners.pixels, lens.matrix, np.array(lens.distortion), flags=cv2.SOLVEPNP_IPPE
     )
     tried = [
-        _refined(cv2.Rodrigues(turn)[0], np.asarray(shift).ravel(), points, found.pixels, lens)
+        _refined(cv2.Rodrigues(turn)[0], np.asarray(shift).ravel(), points, corners.pixels, lens)
         for turn, shift in zip(turns, shifts, strict=True)
     ]
-    tried.sort(key=lambda one: one[2])
+    tried.sort(key=lambda solution: solution[2])
     rotation, position, square, information = tried[0]
     noise = float(np.sqrt(square / (2 * len(points) - 6)))
     if position[2] <= 0.0:
@@ -81,7 +81,7 @@ def board_pose(found: Corners, lens: Lens) -> BoardPose | RejectedPhoto:
         return RejectedPhoto(
             f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise_px:.2f} px"
         )
-    worse = [one[2] - square for one in tried[1:] if np.trace(one[0].T @ rotation) < A_DEGREE_APART]
+    worse = [solution[2] - square for solution in tried[1:] if np.trace(solution[0].T @ rotation) < A_DEGREE_APART]
     if worse and worse[0] < AMBIGUOUS * lens.noise_px**2:
         return RejectedPhoto("two poses of the board fit alike; lean it against the view, or come closer")
     covariance: Array = np.asarray(np.linalg.inv(information) * lens.noise_px**2)

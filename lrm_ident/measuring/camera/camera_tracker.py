@@ -37,12 +37,12 @@ class CameraTracker:
 
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`. While the board is seen, as many as a mean needs, however long a slow camera takes to them."""
-        end, found = time.monotonic() + seconds, list[TrackerFrame]()
-        while time.monotonic() < end or not found or (found[-1].targets and len(found) < LEAST):
+        end, frames_read = time.monotonic() + seconds, list[TrackerFrame]()
+        while time.monotonic() < end or not frames_read or (frames_read[-1].targets and len(frames_read) < LEAST):
             t = time.monotonic()
             self._number += 1
-            found.append(TrackerFrame(self._number, t, self._seen(self._camera.photo())))
-        return found
+            frames_read.append(TrackerFrame(self._number, t, self._seen(self._camera.photo())))
+        return frames_read
 
     def _seen(self, picture: Picture) -> dict[int, TargetPose]:
         pose = find_board("the camera", picture, self._lens)

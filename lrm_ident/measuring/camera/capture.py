@@ -28,10 +28,10 @@ def photos_in(folder: Path) -> list[Path]:
     """The pictures of a folder by name, numbers in it as numbers. Raises `FileError`: no folder, or none in it."""
     if not folder.is_dir():
         raise FileError(folder, "", "no such folder", "a folder of photos, or the number of a camera")
-    found = sorted((path for path in folder.iterdir() if path.suffix.lower() in PICTURES), key=_natural)
-    if not found:
+    photos = sorted((path for path in folder.iterdir() if path.suffix.lower() in PICTURES), key=_natural)
+    if not photos:
         raise FileError(folder, "", "no pictures in it", f"names end in {', '.join(PICTURES)}")
-    return found
+    return photos
 
 
 def _natural(path: Path) -> list[str | int]:

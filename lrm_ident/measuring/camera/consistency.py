@@ -84,15 +84,15 @@ class PhotoRegression:
         prior = np.zeros(columns.shape[2])
         prior[12 : 12 + self.arm.shape[2]] = 1.0
         prior[:12] = 1e-6
-        known = np.concatenate([A, np.diag(np.sqrt(prior))])
-        theta, *_ = np.linalg.lstsq(known, np.concatenate([r, np.zeros(len(prior))]), rcond=None)
-        left = r - A @ theta
-        squares = float(left @ left + prior @ theta**2)
-        covariance = np.linalg.pinv(known.T @ known) * max(squares / max(len(r) - 12 - extra, 1), 1.0)
+        stacked = np.concatenate([A, np.diag(np.sqrt(prior))])
+        theta, *_ = np.linalg.lstsq(stacked, np.concatenate([r, np.zeros(len(prior))]), rcond=None)
+        residual = r - A @ theta
+        squares = float(residual @ residual + prior @ theta**2)
+        covariance = np.linalg.pinv(stacked.T @ stacked) * max(squares / max(len(r) - 12 - extra, 1), 1.0)
         return theta[-extra:] if extra else theta[:0], covariance[-extra:, -extra:], squares
 
 
-def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
+def photo_regression(arm: Arm, poses: Poses, estimate: HandEye) -> PhotoRegression:
     """The regression of photos taken at commanded poses."""
     model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
     keys = [
@@ -107,8 +107,10 @@ def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
     turns = J[:, :, [key in angles for key in keys]]
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
     floor = floor + JOINT_ERROR**2 * turns @ turns.transpose(0, 2, 1)
-    from_camera = (found.camera[:3, :3] @ found.seen[:, :3, 3, None])[:, :, 0]
-    return PhotoRegression(found.tool, from_camera, found.residual, root_of(found.covariance + floor), J * typical)
+    from_camera = (estimate.camera[:3, :3] @ estimate.seen[:, :3, 3, None])[:, :, 0]
+    return PhotoRegression(
+        estimate.tool, from_camera, estimate.residual, root_of(estimate.covariance + floor), J * typical
+    )
 
 
 def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
@@ -134,7 +136,7 @@ def find_step(photos: PhotoRegression) -> PhotoStep | None:
             tried.append((squares, what, k, theta))
     if not tried:
         return None
-    squares, what, k, theta = min(tried, key=lambda one: one[0])
+    squares, what, k, theta = min(tried, key=lambda trial: trial[0])
     p_value = f_test_p_value(before, squares, 6, 6 * count - 12) * len(tried)
     shift, turn = float(np.linalg.norm(theta[:3])), float(np.linalg.norm(theta[3:]))
     size = float(np.sqrt(((moved[what] @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn

@@ -55,20 +55,20 @@ def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
     """
     if len(boards) < FEWEST_POSES:
         raise LrmError(f"{len(boards)} usable photos; camera and board need {FEWEST_POSES} poses or more to be placed")
-    seen, own = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
+    seen, covariances = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
     cv2 = opencv()
     R, t, S, u = cv2.calibrateRobotWorldHandEye(
         list(seen[:, :3, :3]), list(seen[:, :3, 3]), list(tool[:, :3, :3]), list(tool[:, :3, 3])
     )
     camera, mount = inverse(homogeneous(S, u)), inverse(homogeneous(R, t))
     start = np.concatenate([_twist(camera), _twist(mount)])
-    found = least_squares(_left, start, loss="soft_l1", f_scale=ROBUST, args=(tool, seen)).x
-    camera, mount = _motion(found[:6]), _motion(found[6:])
+    solution = least_squares(_left, start, loss="soft_l1", f_scale=ROBUST, args=(tool, seen)).x
+    camera, mount = _motion(solution[:6]), _motion(solution[6:])
     residual = pose_difference(camera @ seen @ inverse(mount), tool)
     middle = float(np.median(np.linalg.norm(residual[:, :3], axis=1)))
     if middle > MAX_RELATIVE_ERROR:
         raise mismatched_poses(f"{middle * 1e3:.0f} mm")
-    return HandEye(camera, mount, seen, own, residual)
+    return HandEye(camera, mount, seen, covariances, residual)
 
 
 def mismatched_poses(median: str) -> LrmError:
@@ -85,12 +85,12 @@ def pose_difference(measured: Array, nominal: Array) -> Array:
     return np.concatenate([measured[:, :3, 3] - nominal[:, :3, 3], turned], axis=1)
 
 
-def measured_covariance(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
+def measured_covariance(camera: Array, mount: Array, seen: Array, board_covariance: Array) -> Array:
     """Covariance of tool poses from the board's `seen` (N, 4, 4) in the camera's frame and their own, (N, 6, 6)."""
     board = camera @ seen
     lever = lever_columns((board @ inverse(mount))[:, :3, 3] - board[:, :3, 3])
     turned = lever @ np.kron(np.eye(2), camera[:3, :3])
-    return np.asarray(turned @ own @ turned.transpose(0, 2, 1))
+    return np.asarray(turned @ board_covariance @ turned.transpose(0, 2, 1))
 
 
 def lever_columns(arms: Array) -> Array:
@@ -101,9 +101,9 @@ def lever_columns(arms: Array) -> Array:
 
 
 def _left(z: Array, tool: Array, seen: Array) -> Array:
-    left = pose_difference(_motion(z[:6]) @ seen @ inverse(_motion(z[6:])), tool)
-    left[:, 3:] *= LEVER
-    return np.asarray(left.ravel())
+    difference = pose_difference(_motion(z[:6]) @ seen @ inverse(_motion(z[6:])), tool)
+    difference[:, 3:] *= LEVER
+    return np.asarray(difference.ravel())
 
 
 def _motion(z: Array) -> Array:

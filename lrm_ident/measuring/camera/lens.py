@@ -60,14 +60,14 @@ def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[i
         right = f"take {FEWEST_PHOTOS} or more: leaning, near and far, at the edges"
         raise LrmError(f"{len(photos)} usable photos; {right}")
     cv2 = opencv()
-    objects = [board.corners[found.numbers].astype(np.float32) for found in photos]
-    pixels = [found.pixels.astype(np.float32).reshape(-1, 1, 2) for found in photos]
+    objects = [board.corners[corners.numbers].astype(np.float32) for corners in photos]
+    pixels = [corners.pixels.astype(np.float32).reshape(-1, 1, 2) for corners in photos]
     rms, K, distortion, turns, _ = cv2.calibrateCamera(objects, pixels, size, None, None)
     normals = np.array([cv2.Rodrigues(turn)[0][:, 2] for turn in turns])
     lean = np.degrees(np.arccos(np.clip(np.abs(normals[:, 2]), 0.0, 1.0)))
     if np.sort(lean)[-3:].min() < TILTED:
         raise LrmError(f"the boards lean by {lean.max():.0f} deg at most; lean some by 20 to 45 deg, in all directions")
-    numbers = sum(2 * len(found.numbers) for found in photos)
+    numbers = sum(2 * len(corners.numbers) for corners in photos)
     noise = float(rms) / np.sqrt(2.0) * np.sqrt(numbers / max(numbers - 9 - 6 * len(photos), 1))
     return Lens(
         schema="lrm/camera/1",

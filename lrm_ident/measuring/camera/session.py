@@ -100,13 +100,13 @@ def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens) -> PhotoS
     """The board's pose in every named picture that is of use. Raises `LrmError`: one of another size."""
     rows, boards, refused, mirrored = [], [], [], []
     for row, (name, picture) in enumerate(pictures):
-        found = find_board(name, picture, lens)
-        if isinstance(found, RejectedPhoto):
-            refused.append((name, found.reason))
-            mirrored += [name] if found == MIRRORED else []
+        board_found = find_board(name, picture, lens)
+        if isinstance(board_found, RejectedPhoto):
+            refused.append((name, board_found.reason))
+            mirrored += [name] if board_found == MIRRORED else []
         else:
             rows.append(row)
-            boards.append(found)
+            boards.append(board_found)
     if len(mirrored) > (len(rows) + len(refused)) / 2:
         raise LrmError(f"{mirrored[0]} and {len(mirrored) - 1} more: {MIRRORED.reason}")
     return PhotoSet(tuple(rows), tuple(boards), tuple(refused))
@@ -118,18 +118,22 @@ def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: Lens,
     Raises `LrmError`: too few photos, or photos that do not belong together (another board, a camera that moved, …).
     """
     taken = poses.take(np.array(photos.rows, dtype=np.int64))
-    found = hand_eye(tool_poses(arm, taken), photos.boards)
-    _check(photo_regression(arm, taken, found), photos, lens)
+    estimate = hand_eye(tool_poses(arm, taken), photos.boards)
+    _check(photo_regression(arm, taken, estimate), photos, lens)
     for _ in range(LEVELLINGS if len(taken) >= ENOUGH_TO_LEVEL else 0):
-        found = _levelled(arm, _measurements(taken, photos, found, path), found)
-    data = _measurements(taken, photos, found, path)
+        estimate = _levelled(arm, _measurements(taken, photos, estimate, path), estimate)
+    data = _measurements(taken, photos, estimate, path)
     session = CameraSession(
-        schema="lrm/camera-session/1", arm=arm_name, lens=lens, camera=_table(found.camera), mount=_table(found.mount)
+        schema="lrm/camera-session/1",
+        arm=arm_name,
+        lens=lens,
+        camera=_table(estimate.camera),
+        mount=_table(estimate.mount),
     )
     return CameraMeasurements(data, session, photos)
 
 
-def _levelled(arm: Arm, data: Measurements, found: HandEye) -> HandEye:
+def _levelled(arm: Arm, data: Measurements, estimate: HandEye) -> HandEye:
     """The camera placed by a fit of the arm's errors, so that axis 1 stands as drawn: level, as gravity is.
 
     The nominal arm alone places the camera some degrees askew, and gravity with it.
@@ -138,12 +142,12 @@ def _levelled(arm: Arm, data: Measurements, found: HandEye) -> HandEye:
     keys = {name: f"offsets.{BASE}.{name}_{'mm' if len(name) == 1 else 'rad'}" for name in asdict(arm.base)}
     fitted = Placement(**{name: getattr(arm.base, name) + model.value(key) for name, key in keys.items()})
     back = placement_motion(arm.base) @ inverse(placement_motion(fitted))
-    return replace(found, camera=back @ found.camera)
+    return replace(estimate, camera=back @ estimate.camera)
 
 
-def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:
+def _measurements(taken: Poses, photos: PhotoSet, estimate: HandEye, path: Path) -> Measurements:
     """Tool poses in the arm's frame and their covariance."""
-    tool, covariance = found.tool, found.covariance
+    tool, covariance = estimate.tool, estimate.covariance
     number = np.array(photos.rows, dtype=np.int64) + 1
     position, turn, cross = covariance[:, :3, :3], covariance[:, 3:, 3:], covariance[:, 3:, :3]
     seen = (Positions(tool[:, :3, 3], blocks=position), Orientations(tool[:, :3, :3], blocks=turn, cross=cross))
@@ -160,11 +164,11 @@ def _check(photos: PhotoRegression, taken: PhotoSet, lens: Lens) -> None:
     """Raises `LrmError` if the photos do not belong together."""
     step = find_step(photos)
     if step is not None:
-        one, other = taken.rows[step.before - 1] + 1, taken.rows[step.before] + 1
+        first, other = taken.rows[step.before - 1] + 1, taken.rows[step.before] + 1
         what = f"the {taken.stands} moved" if step.what == "camera" else f"the {taken.rides} slipped on the tool"
         size = f"{step.shift * 1e3:.1f} mm and {np.degrees(step.turn):.2f} deg"
         raise LrmError(
-            f"{what} between photos {one} and {other} (by about {size}); read the two parts apart, or measure again"
+            f"{what} between photos {first} and {other} (by about {size}); read the two parts apart, or measure again"
         )
     turn = float(np.median(np.linalg.norm(photos.residual[:, 3:], axis=1)))
     if turn > UNLIKE:
@@ -186,8 +190,8 @@ def _table(T: Array) -> FrameTable:
 def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
     """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
     seen = session.seen(arm, poses)
-    own = np.array([covariance_at(board, session.lens) for board in seen])
-    return measured_covariance(*session.motions, seen, own)
+    covariances = np.array([covariance_at(board, session.lens) for board in seen])
+    return measured_covariance(*session.motions, seen, covariances)
 
 
 def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:

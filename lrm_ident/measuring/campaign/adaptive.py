@@ -51,19 +51,19 @@ class AdaptiveCampaign:
         before: AdaptiveFindings | None = None
         while True:
             offered = [pose for pose in plan if _is_left(pose, file, result)]
-            found = self._assess(file) if len(file.done) >= FIRST_BATCH else None
-            if found is not None:
-                self.say(f"{len(file.done)} poses: {findings_words(found)}")
+            findings = self._assess(file) if len(file.done) >= FIRST_BATCH else None
+            if findings is not None:
+                self.say(f"{len(file.done)} poses: {findings_words(findings)}")
                 # a name that comes and goes is not sure
-                same = before is not None and sorted(before.named) == sorted(found.named)
-                if found.reached(self.goal) and (same or not self.goal.explain):
-                    self.say(self._saved(found, plan, file))
+                same = before is not None and sorted(before.named) == sorted(findings.named)
+                if findings.reached(self.goal) and (same or not self.goal.explain):
+                    self.say(self._saved(findings, plan, file))
                     return result
-            before = found
+            before = findings
             if not offered:
                 self.say("every pose of the plan was driven to, and that is not enough; offer more poses")
                 return result
-            batch = self._batch(found, offered, file)
+            batch = self._batch(findings, offered, file)
             part = self.campaign.run([*batch, *repeats_of(batch, plan, file)], file)
             result.failed |= part.failed
             result.repeated += part.repeated
@@ -76,22 +76,22 @@ class AdaptiveCampaign:
             return None
 
     def _batch(
-        self, found: AdaptiveFindings | None, offered: Sequence[PlannedPose], file: DataFile
+        self, findings: AdaptiveFindings | None, offered: Sequence[PlannedPose], file: DataFile
     ) -> list[PlannedPose]:
         """The next poses, load by load, in random order: drifts then look like nothing else."""
         rng, poses = np.random.default_rng([self.seed, len(file.done)]), _poses(offered)
         measured = load_measurements(file.path, self.arm).poses if file.done else None
-        if found is None or measured is None:
+        if findings is None or measured is None:
             count = max(FIRST_BATCH - len(file.done), BATCH)
             rows = first_rows(nominal_model(self.arm), measured, poses, count, self.seed)
         else:
-            rows = next_rows(found, measured, poses, BATCH, self.seed)
+            rows = next_rows(findings, measured, poses, BATCH, self.seed)
         chosen = [offered[row] for row in rng.permutation(rows).tolist()]
         return sorted(chosen, key=lambda pose: pose.payload)
 
-    def _saved(self, found: AdaptiveFindings, plan: Sequence[PlannedPose], file: DataFile) -> str:
+    def _saved(self, findings: AdaptiveFindings, plan: Sequence[PlannedPose], file: DataFile) -> str:
         count, every = len(file.done), _poses(plan)
-        random = random_poses_as_good(found, load_measurements(file.path, self.arm).poses, every, self.seed)
+        random = random_poses_as_good(findings, load_measurements(file.path, self.arm).poses, every, self.seed)
         words = f"{count} poses are enough, {len(plan)} were offered"
         if random is None:
             return f"{words}; all of these, without this choice, would be expected to determine less"
@@ -99,11 +99,13 @@ class AdaptiveCampaign:
         return f"{words}; drawn at random, about {random} would be expected to determine as much{saved}"
 
 
-def findings_words(found: AdaptiveFindings) -> str:
+def findings_words(findings: AdaptiveFindings) -> str:
     """Knowledge so far, in a line."""
-    names = "; ".join(names[0] if len(names) == 1 else f"{names[0]} or {', '.join(names[1:])}" for names in found.named)
-    error = f"held-out error {in_mm(found.held_out)} mm RMS, with 95 % below {in_mm(found.bound)}"
-    return f"{error}; {f'added {names}' if names else 'nothing added'}; {found.verdict.replace('_', ' ')}"
+    names = "; ".join(
+        names[0] if len(names) == 1 else f"{names[0]} or {', '.join(names[1:])}" for names in findings.named
+    )
+    error = f"held-out error {in_mm(findings.held_out)} mm RMS, with 95 % below {in_mm(findings.bound)}"
+    return f"{error}; {f'added {names}' if names else 'nothing added'}; {findings.verdict.replace('_', ' ')}"
 
 
 def repeats_of(batch: Sequence[PlannedPose], plan: Sequence[PlannedPose], file: DataFile) -> Iterator[PlannedPose]:

@@ -112,14 +112,14 @@ class DataFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def begin(self, power_on: PowerOn, t: float, arm: str, source: str, **known: object) -> int:
+    def begin(self, power_on: PowerOn, t: float, arm: str, source: str, **entries: object) -> int:
         """Writes the metadata, of those that there are already the power-on session only; then an empty file's header.
 
         `t`: the tracker's time now (s), which is that of t_s = 0 in a new file; the others as of `metadata_toml`.
         Returns the session of the next rows: the last row's, or the next one if the servos were switched on anew.
         """
         if self.head is None:
-            self._write_metadata(metadata_toml(arm, source, t0_s=t, **known))
+            self._write_metadata(metadata_toml(arm, source, t0_s=t, **entries))
         if not self.path.stat().st_size:
             self._write(",".join(self._columns()))
         return self._open_session(power_on, t)
@@ -131,12 +131,12 @@ class DataFile:
         names = [*before[: session - 1], power_on.name]
         if names != self.head.power_ons:
             content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True)
-            known = [one for one in content["power_on"] if one["session"] < session]
+            earlier = [entry for entry in content["power_on"] if entry["session"] < session]
             if power_on.ago is not None:
-                now = after_midnight(t - (self.head.t0_s or 0.0), self._last_t)
-                begun = {"session": session, "t_s": round(now - power_on.ago, 3), "temp_c": power_on.temperature}
-                known.append({key: value for key, value in begun.items() if value is not None})
-            self._write_metadata(tomli_w.dumps(content | {"power_ons": names, "power_on": known}))
+                seconds = after_midnight(t - (self.head.t0_s or 0.0), self._last_t)
+                begun = {"session": session, "t_s": round(seconds - power_on.ago, 3), "temp_c": power_on.temperature}
+                earlier.append({key: value for key, value in begun.items() if value is not None})
+            self._write_metadata(tomli_w.dumps(content | {"power_ons": names, "power_on": earlier}))
         return session
 
     def _write_metadata(self, text: str) -> None:

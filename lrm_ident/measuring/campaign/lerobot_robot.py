@@ -37,10 +37,10 @@ def robot_of(text: str) -> Any:
         raise LrmError(f"--robot {text}: LeRobot is not installed here ({error}); pip install lerobot") from None
     register_third_party_plugins()
     kind, *words = text.removeprefix(KIND).split(",")
-    known = RobotConfig.get_known_choices()
-    if kind not in known:
-        raise UnknownName("robot of LeRobot", kind, known)
-    has = {field.name for field in fields(known[kind])}
+    choices = RobotConfig.get_known_choices()
+    if kind not in choices:
+        raise UnknownName("robot of LeRobot", kind, choices)
+    has = {field.name for field in fields(choices[kind])}
     options: dict[str, Any] = {name: value for name, value in SET.items() if name in has}
     for word in words:
         name, equals, value = word.partition("=")
@@ -48,7 +48,7 @@ def robot_of(text: str) -> Any:
             raise UnknownName(f"option of {kind}", word, sorted(has - SET.keys()))
         options[name] = Path(value) if name == "calibration_dir" else value
     try:
-        return make_robot_from_config(known[kind](**options))
+        return make_robot_from_config(choices[kind](**options))
     except (TypeError, ValueError) as error:
         raise LrmError(f"--robot {text}: {_one_line(error)}") from None
 
@@ -137,8 +137,8 @@ class LeRobotServos:
             port.read(port.in_waiting)
 
     def _read(self, register: str) -> Mapping[str, Any]:
-        found = dict(self.robot.bus.sync_read(register, list(self.joints)))
-        return {name: found[name] for name in self.joints}
+        values = dict(self.robot.bus.sync_read(register, list(self.joints)))
+        return {name: values[name] for name in self.joints}
 
 
 @contextmanager
@@ -147,14 +147,14 @@ def connected_robot(text: str) -> Iterator[Any]:
     robot = robot_of(text)
     drop_late_replies(robot)
     torque_on_where_they_stand(robot)
-    for left in reversed(range(CONNECTS)):
+    for attempts_left in reversed(range(CONNECTS)):
         try:
             robot.connect(calibrate=False)
             break
         except (ConnectionError, RuntimeError, OSError, LrmError) as error:
             if robot.is_connected:
                 robot.disconnect()
-            if not left or isinstance(error, LrmError):
+            if not attempts_left or isinstance(error, LrmError):
                 raise LrmError(f"--robot {text}: {_one_line(error)}") from None
     try:
         if not robot.is_calibrated:

@@ -50,7 +50,7 @@ class PhotoCampaign:
 
     def run(self, plan: Sequence[PlannedPose]) -> PhotographedPoses:
         """Stands at every pose of a plan, and has its photo taken. Raises `LrmError`."""
-        found, payload = PhotographedPoses(), None
+        photographed, payload = PhotographedPoses(), None
         for pose in plan:
             if pose.payload != payload:
                 self.arm.change_payload(pose.payload)
@@ -58,12 +58,12 @@ class PhotoCampaign:
             if why := self.arm.too_warm():
                 self.on_progress(f"pose {pose.number}: {why}: cooling")
                 self.arm.cool(self.rest)
-            if why := self._at(pose, found):
-                found.failed[pose.number] = why
+            if why := self._at(pose, photographed):
+                photographed.failed[pose.number] = why
                 self.on_progress(f"pose {pose.number}: no photo: {why}")
-        return found
+        return photographed
 
-    def _at(self, pose: PlannedPose, found: PhotographedPoses) -> str:
+    def _at(self, pose: PlannedPose, photographed: PhotographedPoses) -> str:
         """Has the photo of one pose taken; why there is none, else empty."""
         why = ""
         for _ in range(self.timing.attempts):
@@ -72,10 +72,10 @@ class PhotoCampaign:
             except Unreachable as error:
                 return str(error)
             self.clock.sleep(held(self.timing, pose).settle)
-            self.take(len(found.poses) + 1)
+            self.take(len(photographed.poses) + 1)
             if not (why := self.arm.disturbed()):
-                found.poses.append(pose)
-                found.states.append(state)
-                self.on_photo(found)
+                photographed.poses.append(pose)
+                photographed.states.append(state)
+                self.on_photo(photographed)
                 break
         return why

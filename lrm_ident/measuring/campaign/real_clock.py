@@ -42,21 +42,21 @@ class RealClock:
     def sleep(self, seconds: float) -> None:
         """Waits; not for a negative time."""
         end = self.now() + seconds
-        while (left := end - self.now()) > 0.0:
-            time.sleep(min(left, LOOK_S))
+        while (remaining := end - self.now()) > 0.0:
+            time.sleep(min(remaining, LOOK_S))
 
     def look(self) -> float:
         """The longest time (s) between two looks so far."""
         with self._lock:
-            now = _time()
-            self._away, self._seen = max(self._away, now - self._seen), now
+            instant = _time()
+            self._away, self._seen = max(self._away, instant - self._seen), instant
             return self._away
 
 
 def _watch(clock: weakref.ref[RealClock]) -> None:
     """Looks as long as somebody has the clock."""
     wait = threading.Event().wait
-    while (one := clock()) is not None:
-        one.look()
-        del one
+    while (instant := clock()) is not None:
+        instant.look()
+        del instant
         wait(LOOK_S)

@@ -90,14 +90,14 @@ class ControlState:
         there = all(abs(a - b) < REACHED for a, b in zip(self.q, goal, strict=False))
         return self.mode in STILL and there and all(self.on[: len(goal)])
 
-    def differences_to(self, now: ControlState) -> str:
+    def differences_to(self, current: ControlState) -> str:
         """Differences from then, in words; empty if everything is."""
         changes = {
-            "the daemon was restarted": self.boot_id != now.boot_id,
-            "the lease was acquired anew": self.lease != now.lease,
-            f"the arm is {now.mode} ({now.why})": (self.mode, self.since) != (now.mode, now.since),
-            "other angles are commanded": self.q != now.q,
-            "other servos have pulses": self.on != now.on,
+            "the daemon was restarted": self.boot_id != current.boot_id,
+            "the lease was acquired anew": self.lease != current.lease,
+            f"the arm is {current.mode} ({current.why})": (self.mode, self.since) != (current.mode, current.since),
+            "other angles are commanded": self.q != current.q,
+            "other servos have pulses": self.on != current.on,
         }
         return "; ".join(words for words, changed in changes.items() if changed)
 
@@ -209,10 +209,10 @@ class RoverArm:
     def disturbed(self) -> str:
         """See `CampaignArm`."""
         try:
-            now = ControlState.of(self.rover)
+            current = ControlState.of(self.rover)
         except LrmError as error:
             return str(error)
-        return "the lease had expired" if self.at_pose is None else self.at_pose.differences_to(now)
+        return "the lease had expired" if self.at_pose is None else self.at_pose.differences_to(current)
 
     def _control_state(self) -> ControlState | None:
         """None while the lease has expired: then nobody knows what happens until it is there again."""
@@ -247,8 +247,8 @@ class RoverArm:
         low, high = self.info.limits_rad[joint]
         nearest = round(float(table.pulse_of(angle)) / count)
         angles = [float(table.angle_of(counts * count)) for counts in (nearest - 1, nearest, nearest + 1)]
-        allowed = [one for one in angles if low <= one <= high] or [angle]
-        return min(allowed, key=lambda one: abs(one - angle))
+        allowed = [angle_allowed for angle_allowed in angles if low <= angle_allowed <= high] or [angle]
+        return min(allowed, key=lambda angle_allowed: abs(angle_allowed - angle))
 
     def _within(self, q: Sequence[float]) -> tuple[float, ...]:
         limits = self.info.limits_rad[: self.info.joints]
@@ -256,13 +256,13 @@ class RoverArm:
 
     def _move(self, goal: Sequence[float], payload: float) -> None:
         """Moves on planned ways, from where an expired lease stopped it. Raises `Unreachable`, or what ends all."""
-        for left in reversed(range(ATTEMPTS)):
+        for attempts_left in reversed(range(ATTEMPTS)):
             try:
                 self._try_to_move(goal, payload)
                 break
             except (MotionInterrupted, RequestRefused) as error:
                 expired = error.why == LEASE_LOST if isinstance(error, MotionInterrupted) else error.code == "lease"
-                if not expired or not left:
+                if not expired or not attempts_left:
                     raise
                 self.clock.sleep(LEASE_BACK_S)
                 mode = self.rover.mode()

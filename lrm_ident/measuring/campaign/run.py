@@ -128,9 +128,9 @@ class PoseCampaign:
         """Measures every pose of the plan that the file does not have, in order. Raises what ends it before."""
         result, payload, began = CampaignResult(), None, self.clock.now()
         done = set(file.done)
-        left = [pose for pose in plan if pose.number not in done]
-        total = len(file.done) + len(left)
-        for place, pose in enumerate(left):
+        remaining = [pose for pose in plan if pose.number not in done]
+        total = len(file.done) + len(remaining)
+        for place, pose in enumerate(remaining):
             if pose.payload != payload:
                 self.arm.change_payload(pose.payload)
                 payload = pose.payload
@@ -138,7 +138,9 @@ class PoseCampaign:
             words = self._pose(pose, file, result)
             notable = place == 0 or len(result.failed) + result.repeated > faults
             each = (self.clock.now() - began) / (place + 1)
-            self.on_progress(CampaignProgress(words, len(file.done), total, each * (len(left) - place - 1), notable))
+            self.on_progress(
+                CampaignProgress(words, len(file.done), total, each * (len(remaining) - place - 1), notable)
+            )
         return result
 
     def _pose(self, pose: PlannedPose, file: DataFile, result: CampaignResult) -> str:

@@ -46,15 +46,15 @@ class Sensitivities:
 
     def noncentrality(self, grams: Array) -> Array:
         """(…, P), λ of every ordered pair for sums of Gram matrices (…, C, C)."""
-        found = []
+        rows = []
         for a, b in permutations(range(len(self.of)), 2):
-            own, span = self.of[a][0], [*self.basis, *self.of[b]]
-            G, c = grams[..., span, :][..., span], grams[..., span, own]
+            columns, span = self.of[a][0], [*self.basis, *self.of[b]]
+            G, c = grams[..., span, :][..., span], grams[..., span, columns]
             scale = np.sqrt(np.maximum(np.diagonal(G, axis1=-2, axis2=-1), 1e-300))
             G, c = G / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(len(span)), c / scale
             share = np.linalg.solve(G, c[..., None])[..., 0]
-            found.append(np.maximum(grams[..., own, own] - np.sum(share * c, axis=-1), 0.0))
-        return np.stack(found, axis=-1)
+            rows.append(np.maximum(grams[..., columns, columns] - np.sum(share * c, axis=-1), 0.0))
+        return np.stack(rows, axis=-1)
 
     def gain(self, grams: Array, count: Array) -> Array:
         """(…,), what the moves are worth."""
@@ -67,16 +67,19 @@ def sensitivities(
     model: MotionModel, joint: int, rivals: Sequence[MotionEffect], data: JointMoves, noise: float
 ) -> Sensitivities:
     """Of the effects that a joint's model has, and of rivals, on moves. `noise`: of a reading, rad or m."""
-    own = model.of_joint(joint)
-    values = np.array([model.values[key] for effect in own for key in effect.keys])
-    typical = np.array([p.typical for effect in own for p in effect.parameters])
+    effects_of_joint = model.of_joint(joint)
+    values = np.array([model.values[key] for effect in effects_of_joint for key in effect.keys])
+    typical = np.array([p.typical for effect in effects_of_joint for p in effect.parameters])
     rows = values + np.concatenate([np.zeros((1, len(values))), DIFFERENCE * np.diag(typical)])
-    plain = predicted(own, rows, data.drive, data.substeps)
+    plain = predicted(effects_of_joint, rows, data.drive, data.substeps)
     columns, basis, of = [*(plain[1:] - plain[0])], tuple(range(len(values))), []
     for rival in rivals:
         sizes = _sizes(rival)
         seen = predicted(
-            (*own, rival), np.column_stack([np.tile(values, (len(sizes), 1)), sizes]), data.drive, data.substeps
+            (*effects_of_joint, rival),
+            np.column_stack([np.tile(values, (len(sizes), 1)), sizes]),
+            data.drive,
+            data.substeps,
         )
         of.append(tuple(range(len(columns), len(columns) + len(sizes))))
         columns += [*(seen - plain[0])]
@@ -93,24 +96,34 @@ def _sizes(effect: MotionEffect) -> Array:
     return np.concatenate([typical[None], typical + DIFFERENCE * np.diag(typical), scans])
 
 
-def chosen(known: Sensitivities, count: int) -> NDArray[np.int64]:
+def chosen(sensitivities_of: Sensitivities, count: int) -> NDArray[np.int64]:
     """(count,), numbers of the moves that discriminate best, none twice."""
-    S = len(known.gram)
+    S = len(sensitivities_of.gram)
     picked: list[int] = []
-    total, N = np.zeros(known.gram.shape[1:]), 0.0
+    total, N = np.zeros(sensitivities_of.gram.shape[1:]), 0.0
     for _ in range(min(count, S)):
-        left = np.setdiff1d(np.arange(S), picked)
-        worth = known.gain(total + known.gram[left], N + known.count[left])
-        best = int(left[int(np.argmax(worth))])
+        unpicked = np.setdiff1d(np.arange(S), picked)
+        worth = sensitivities_of.gain(total + sensitivities_of.gram[unpicked], N + sensitivities_of.count[unpicked])
+        best = int(unpicked[int(np.argmax(worth))])
         picked.append(best)
-        total, N = total + known.gram[best], N + known.count[best]
+        total, N = total + sensitivities_of.gram[best], N + sensitivities_of.count[best]
     for _ in range(TURNS):
         before = list(picked)
         for place in range(len(picked)):
             others = [*picked[:place], *picked[place + 1 :]]
-            left = np.setdiff1d(np.arange(S), others)
-            total, N = known.gram[others].sum(axis=0), known.count[others].sum()
-            picked[place] = int(left[int(np.argmax(known.gain(total + known.gram[left], N + known.count[left])))])
+            unpicked = np.setdiff1d(np.arange(S), others)
+            total, N = sensitivities_of.gram[others].sum(axis=0), sensitivities_of.count[others].sum()
+            picked[place] = int(
+                unpicked[
+                    int(
+                        np.argmax(
+                            sensitivities_of.gain(
+                                total + sensitivities_of.gram[unpicked], N + sensitivities_of.count[unpicked]
+                            )
+                        )
+                    )
+                ]
+            )
         if picked == before:
             break
     return np.array(picked)

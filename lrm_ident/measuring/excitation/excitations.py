@@ -74,17 +74,17 @@ def offered(arm: Arm, joint: int, speed: float, rules: ClearanceRules, seed: int
     """Safe moves of a joint (from 0) at a speed (rad/s) at most, in a few postures. Raises `LrmError`: none is safe."""
     ways = CollisionFreePaths.of(arm, rules)
     postures = ways.connected(random_poses(arm, TRIED, rules, seed))
-    found = []
+    excitations = []
     for q, scale, sign in product(postures, (1.0, 0.5), (1.0, -1.0)):
         for kind, pieces in _kinds(speed):
             t, offset = _knots(pieces, sign * scale)
             path = np.tile(q, (len(t), 1))
             path[:, joint] += offset
             if ways.free(path):
-                found.append(ExcitingMove(kind, joint, t, path))
-    if not found:
+                excitations.append(ExcitingMove(kind, joint, t, path))
+    if not excitations:
         raise LrmError(f"no safe move of joint {joint + 1} was found; give a lower --speed, or other distances")
-    return tuple(found)
+    return tuple(excitations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +115,9 @@ class CollisionFreePaths:
             raise LrmError("no random pose keeps the rules: give smaller distances")
         inner = [q for q in poses if min(JointLimits.of(self.arm).margins(q.tolist())) > INSIDE]
         for first in inner:
-            found = [first, *(q for q in inner if q is not first and self.free(np.array([first, q])))]
-            if len(found) >= POSTURES:
-                return np.array(found[:POSTURES])
+            poses_found = [first, *(q for q in inner if q is not first and self.free(np.array([first, q])))]
+            if len(poses_found) >= POSTURES:
+                return np.array(poses_found[:POSTURES])
         return np.array(inner[:1])
 
     def between(self, a: Array, b: Array, home: Array) -> Array:
@@ -231,7 +231,7 @@ def random_moves(
     """
     ways = CollisionFreePaths.of(arm, rules)
     poses = random_poses(arm, TRIED, rules, int(rng.integers(1 << 31)))
-    here, found = ways.connected(poses)[0], []
+    here, moves_found = ways.connected(poses)[0], []
     for _ in range(count):
         t, q = [0.0, BEFORE_S], [here, here]
         while t[-1] < MOVE_S - REST_S:
@@ -244,8 +244,8 @@ def random_moves(
             t += [t[-1] + share * seconds, min(t[-1] + share * seconds + rng.uniform(0.6, 1.6), MOVE_S)]
             q += [here, here]
         t[-1] = MOVE_S
-        found.append(ExcitingMove("random", -1, np.array(t), np.array(q)))
-    return tuple(found)
+        moves_found.append(ExcitingMove("random", -1, np.array(t), np.array(q)))
+    return tuple(moves_found)
 
 
 def measured(moves: Moves, joint: int, by_tip: bool) -> JointMoves:

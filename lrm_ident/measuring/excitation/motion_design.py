@@ -99,7 +99,7 @@ class MotionDesign:
 
     def both_told(self) -> dict[tuple[str, str], bool]:
         """Whether two effects are told apart, whichever is there."""
-        told = {(one.effect, one.rival): one.told for one in self.pairs}
+        told = {(pair.effect, pair.rival): pair.told for pair in self.pairs}
         names = sorted({frozenset(pair) for pair in told}, key=sorted)
         return {(a, b): told[a, b] and told[b, a] for a, b in (sorted(pair) for pair in names)}
 
@@ -122,13 +122,13 @@ def motion_design(task: MotionDesignTask, progress: Progress = silent) -> Motion
         every, usual = (as_moves(arm, some, task.noise, task.by_tip) for some in (offer, plain))
         data = measured(every, joint, task.by_tip)
         _check_testable(rivals, data.drive)
-        known = sensitivities(task.model, joint, rivals, data, task.noise)
-        picked = chosen(known, task.count)
+        sensitivities_of = sensitivities(task.model, joint, rivals, data, task.noise)
+        picked = chosen(sensitivities_of, task.count)
         beside = sensitivities(task.model, joint, rivals, measured(usual, joint, task.by_tip), task.noise)
         best = [offer[k] for k in picked]
         tried_with = measured(as_moves(arm, best, task.noise, task.by_tip), joint, task.by_tip)
         said = trials(task.model, rivals, tried_with, task.noise, rng)
-        pairs += _pairs(rivals, known, picked, beside, said)
+        pairs += _pairs(rivals, sensitivities_of, picked, beside, said)
         moves += best
         tried += said
         many += len(offer)
@@ -146,14 +146,14 @@ def _check_testable(rivals: Sequence[MotionEffect], drive: JointDrive) -> None:
 
 def _pairs(
     rivals: Sequence[MotionEffect],
-    known: Sensitivities,
+    sensitivities_of: Sensitivities,
     picked: NDArray[np.int64],
     beside: Sensitivities,
     said: Sequence[EffectTrial],
 ) -> list[DesignedPair]:
     these, random = (
         np.sqrt(1.0 + some.noncentrality(some.gram[rows].sum(axis=0)) / some.count[rows].sum())
-        for some, rows in ((known, picked), (beside, np.arange(len(beside.gram))))
+        for some, rows in ((sensitivities_of, picked), (beside, np.arange(len(beside.gram))))
     )
     out = []
     for k, (a, b) in enumerate(permutations(range(len(rivals)), 2)):

@@ -41,22 +41,25 @@ def trials(
     rng: np.random.Generator,
 ) -> tuple[EffectTrial, ...]:
     """One trial for each of some effects of one joint. `noise`: of a reading, rad or m."""
-    own = model.of_joint(rivals[0].joint)
-    catalogue = tuple(type(effect) for effect in (*own, *rivals))
+    effects_of_joint = model.of_joint(rivals[0].joint)
+    catalogue = tuple(type(effect) for effect in (*effects_of_joint, *rivals))
     out = []
     for effect in rivals:
-        values = [model.values[key] for one in own for key in one.keys] + [p.typical for p in effect.parameters]
-        angle = predicted((*own, effect), np.array([values]), data.drive, data.substeps)[0]
+        values = [model.values[key] for effect_of_joint in effects_of_joint for key in effect_of_joint.keys] + [
+            p.typical for p in effect.parameters
+        ]
+        angle = predicted((*effects_of_joint, effect), np.array([values]), data.drive, data.substeps)[0]
         target = data.lever * angle[..., None]
         read = replace(data, target=target + rng.normal(scale=noise, size=target.shape))
-        before = fit_joint(own, read, model.values)
+        before = fit_joint(effects_of_joint, read, model.values)
         out.append(_trial(effect, screen_joint(before, noise, catalogue, len(rivals)), noise))
     return tuple(out)
 
 
-def _trial(effect: MotionEffect, found: JointScreening, noise: float) -> EffectTrial:
-    left = {
-        one.effect.name: np.nan if one.held_out is None else one.held_out / noise for one in found.candidates
-    }  # fmt: skip
-    first = found.first
-    return EffectTrial(effect.name, None if first is None else first.effect.name, found.equivalent, left)
+def _trial(effect: MotionEffect, screening: JointScreening, noise: float) -> EffectTrial:
+    errors = {
+        candidate.effect.name: np.nan if candidate.held_out is None else candidate.held_out / noise
+        for candidate in screening.candidates
+    }
+    first = screening.first
+    return EffectTrial(effect.name, None if first is None else first.effect.name, screening.equivalent, errors)

@@ -47,7 +47,7 @@ def joint_dynamics(motion: MotionModel, poses: Model) -> tuple[dict[str, JointDy
     """Dynamics by the joint's name, and what no file holds. `poses`: the static model, which may know stiffness."""
     links = reference_inertia(motion.arm)
     springs = spring_stiffness(poses)
-    found: dict[str, JointDynamics] = {}
+    dynamics: dict[str, JointDynamics] = {}
     left_out = [effect.name for effect in motion.added if effect.id not in WRITTEN]
     for joint, label in enumerate(joint_labels(motion.arm)):
         place = motion.arm.joint_names[joint]
@@ -63,8 +63,8 @@ def joint_dynamics(motion: MotionModel, poses: Model) -> tuple[dict[str, JointDy
         inertia = stiffness / omega**2
         rubs = stiffness * motion.values.get(f"{CoulombFriction.id}.{place}.c_rad", 0.0)
         armature = max(inertia - float(links[joint]), 0.0)
-        found[label] = JointDynamics(stiffness, 2.0 * ratio * omega * inertia, armature, rubs)
-    return found, tuple(left_out)
+        dynamics[label] = JointDynamics(stiffness, 2.0 * ratio * omega * inertia, armature, rubs)
+    return dynamics, tuple(left_out)
 
 
 def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Model) -> ExportedFile:
@@ -74,28 +74,28 @@ def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Mo
     """
     if motion.arm != poses.arm:
         raise FileError(path, "--motion", f"is a model of {motion.arm.name}", f"one of {poses.arm.name}")
-    found, left_out = joint_dynamics(motion, poses)
+    dynamics, left_out = joint_dynamics(motion, poses)
     if file.what == ISAAC:
-        if not found:
-            known = "gravity_sag in the motion model, or compliance in the model of poses"
-            raise FileError(path, "--motion", "no joint's stiffness is known, so there are no torques", known)
-        return ExportedFile(_isaac_text(found), file.what, (*file.left_out, *left_out), file.advice)
+        if not dynamics:
+            source = "gravity_sag in the motion model, or compliance in the model of poses"
+            raise FileError(path, "--motion", "no joint's stiffness is known, so there are no torques", source)
+        return ExportedFile(_isaac_text(dynamics), file.what, (*file.left_out, *left_out), file.advice)
     if path.suffix not in (".xml", ".mjcf", ".urdf"):
         raise FileError(path, "--motion", f"a {path.suffix} holds no dynamics", ".xml (MJCF) or .urdf")
     root = ElementTree.fromstring(file.text)
     if root.tag == "robot":
-        changed = _in_urdf(root, found)
+        changed = _in_urdf(root, dynamics)
     else:
-        changed = _in_mjcf(root, found)
+        changed = _in_mjcf(root, dynamics)
         held = _play_in_mjcf(root, motion)
         led = {str(EffectRef(MotionPlay.id, place)) for place in led_places(motion.arm)}
         left_out = tuple(f"{name} ({LED})" if name in led else name for name in left_out if name not in held)
-    missing = tuple(f"dynamics of {name} (no joint of that name)" for name in found if name not in set(changed))
+    missing = tuple(f"dynamics of {name} (no joint of that name)" for name in dynamics if name not in set(changed))
     text = ElementTree.tostring(root, encoding="unicode") + "\n"
     return ExportedFile(text, file.what, (*file.left_out, *left_out, *missing), file.advice)
 
 
-def _isaac_text(found: Mapping[str, JointDynamics]) -> str:
+def _isaac_text(dynamics: Mapping[str, JointDynamics]) -> str:
     """JSON with the fields of Isaac Lab's `ImplicitActuatorCfg`, by joint: N·m/rad, N·m·s/rad, kg m² and N·m.
 
     The damping is that of the drive, so no viscous friction is left. Dry friction has one value, at rest and in motion.
@@ -103,36 +103,41 @@ def _isaac_text(found: Mapping[str, JointDynamics]) -> str:
     same = {field: field for field in ("stiffness", "damping", "armature", "friction")} | {
         "dynamic_friction": "friction"
     }
-    tables = {field: {name: float(getattr(one, own)) for name, one in found.items()} for field, own in same.items()}
-    tables["viscous_friction"] = dict.fromkeys(found, 0.0)
-    return json.dumps({"joint_names_expr": [*found], **tables}, indent=1) + "\n"
+    tables = {
+        field: {name: float(getattr(joint_values, attribute)) for name, joint_values in dynamics.items()}
+        for field, attribute in same.items()
+    }
+    tables["viscous_friction"] = dict.fromkeys(dynamics, 0.0)
+    return json.dumps({"joint_names_expr": [*dynamics], **tables}, indent=1) + "\n"
 
 
-def _in_urdf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Sequence[str]:
+def _in_urdf(root: ElementTree.Element, dynamics: Mapping[str, JointDynamics]) -> Sequence[str]:
     changed = []
     for joint in root.findall("joint"):
-        one = found.get(joint.get("name", ""))
-        if one is None:
+        joint_values = dynamics.get(joint.get("name", ""))
+        if joint_values is None:
             continue
         for old in joint.findall("dynamics"):
             joint.remove(old)
-        ElementTree.SubElement(joint, "dynamics", damping=numbers([one.damping]), friction=numbers([one.friction]))
+        ElementTree.SubElement(
+            joint, "dynamics", damping=numbers([joint_values.damping]), friction=numbers([joint_values.friction])
+        )
         changed.append(joint.get("name", ""))
     return changed
 
 
-def _in_mjcf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Sequence[str]:
+def _in_mjcf(root: ElementTree.Element, dynamics: Mapping[str, JointDynamics]) -> Sequence[str]:
     changed = []
-    braked = {actuator.get("joint", ""): _set_servo(actuator, found) for actuator in _servos(root, found)}
+    braked = {actuator.get("joint", ""): _set_servo(actuator, dynamics) for actuator in _servos(root, dynamics)}
     for joint in root.iter("joint"):
-        one = found.get(joint.get("name", ""))
-        if one is None:
+        joint_values = dynamics.get(joint.get("name", ""))
+        if joint_values is None:
             continue
-        damping = max(one.damping - braked.get(joint.get("name", ""), 0.0), 0.0)
+        damping = max(joint_values.damping - braked.get(joint.get("name", ""), 0.0), 0.0)
         joint.set("damping", numbers([damping]))
-        joint.set("armature", numbers([one.armature]))
-        joint.set("frictionloss", numbers([one.friction]))
-        if one.friction > 0.0:
+        joint.set("armature", numbers([joint_values.armature]))
+        joint.set("frictionloss", numbers([joint_values.friction]))
+        if joint_values.friction > 0.0:
             joint.set("solimpfriction", numbers([HARDEST, HARDEST]))
         changed.append(joint.get("name", ""))
     return changed
@@ -151,14 +156,18 @@ def _play_in_mjcf(root: ElementTree.Element, motion: MotionModel) -> Sequence[st
     return held
 
 
-def _servos(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Iterator[ElementTree.Element]:
+def _servos(root: ElementTree.Element, dynamics: Mapping[str, JointDynamics]) -> Iterator[ElementTree.Element]:
     for group in root.findall("actuator"):
-        yield from (one for one in group if one.get("joint") in found and one.tag in ("position", "general"))
+        yield from (
+            actuator
+            for actuator in group
+            if actuator.get("joint") in dynamics and actuator.tag in ("position", "general")
+        )
 
 
-def _set_servo(actuator: ElementTree.Element, found: Mapping[str, JointDynamics]) -> float:
+def _set_servo(actuator: ElementTree.Element, dynamics: Mapping[str, JointDynamics]) -> float:
     """Gives a position actuator its stiffness; the damping (N·m·s/rad) that it has itself."""
-    stiffness = found[actuator.get("joint", "")].stiffness
+    stiffness = dynamics[actuator.get("joint", "")].stiffness
     if actuator.tag == "position":
         actuator.set("kp", repr(float(stiffness)))
         return float(actuator.get("kv", "0"))

@@ -83,8 +83,8 @@ class JointFit:
             if not rows.any():
                 continue
             others = self.data.take(~rows)
-            known = _solve(self.effects, others, self.values, FOLD_EVALUATIONS)[0]
-            out[rows] = self.data.take(rows).held_out(self.effects, known, others)
+            solution = _solve(self.effects, others, self.values, FOLD_EVALUATIONS)[0]
+            out[rows] = self.data.take(rows).held_out(self.effects, solution, others)
         return out
 
     @property
@@ -94,21 +94,21 @@ class JointFit:
 
 
 def fit_joint(
-    effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float], most: int = MOST_EVALUATIONS
+    effects: Sequence[MotionEffect], data: JointMoves, values_known: Mapping[str, float], most: int = MOST_EVALUATIONS
 ) -> JointFit:
-    """Fits effects of a joint. `known`: values to start from, by key (SI); others start at the best of their scans.
+    """Fits effects of a joint. `values_known`: values to start from, by key (SI); others start at the best of scans.
 
     `most`: evaluations.
     """
-    own = tuple(effects)
-    start = _best_start(own, data, known)
-    values, J, residual = _solve(own, data, start, most)
-    parameters = [parameter for effect in own for parameter in effect.parameters]
+    effects_of_joint = tuple(effects)
+    start = _best_start(effects_of_joint, data, values_known)
+    values, J, residual = _solve(effects_of_joint, data, start, most)
+    parameters = [parameter for effect in effects_of_joint for parameter in effect.parameters]
     scale = np.array([p.typical for p in parameters])
     covariance = _clustered(J * scale, residual, data.count) * np.outer(scale, scale)
     error = np.full(data.target.shape, np.nan)
     error[data.counted] = residual.reshape(-1, data.target.shape[2])
-    return JointFit(own, data, values, covariance, error)
+    return JointFit(effects_of_joint, data, values, covariance, error)
 
 
 def _lower(effects: Sequence[MotionEffect], data: JointMoves) -> Array:
@@ -123,29 +123,29 @@ def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
     (G − 1) / G, and Student's for so few moves. Not below that of white noise.
     """
     N, p = J.shape
-    own = count[count > 0]
+    counts = count[count > 0]
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
     white = float(residual @ residual) / max(N - p, 1) * inverse
-    if len(own) < LEAST_CLUSTERS or not p:
+    if len(counts) < LEAST_CLUSTERS or not p:
         return np.asarray(white)
-    begins = np.concatenate([[0], np.cumsum(own)[:-1]])
+    begins = np.concatenate([[0], np.cumsum(counts)[:-1]])
     scores = np.add.reduceat(J * residual[:, None], begins, axis=0)
     shares = np.add.reduceat(J[:, :, None] * J[:, None], begins, axis=0) @ inverse
     scores = (np.linalg.pinv(np.eye(p) - shares, rcond=1e-6) @ scores[:, :, None])[:, :, 0]
-    G = len(own)
+    G = len(counts)
     few = (G - 1) / G * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
-    found = few * inverse @ (scores.T @ scores) @ inverse
+    sandwich = few * inverse @ (scores.T @ scores) @ inverse
     least = np.diag(white)
-    wider = np.sqrt(np.maximum(least / np.maximum(np.diag(found), 1e-12 * least + 1e-300), 1.0))
-    covariance = np.asarray(found * np.outer(wider, wider))
+    wider = np.sqrt(np.maximum(least / np.maximum(np.diag(sandwich), 1e-12 * least + 1e-300), 1.0))
+    covariance = np.asarray(sandwich * np.outer(wider, wider))
     np.fill_diagonal(covariance, np.maximum(np.diag(covariance), least))  # one move alone may determine a parameter
     return covariance
 
 
-def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> Array:
+def _best_start(effects: Sequence[MotionEffect], data: JointMoves, values: Mapping[str, float]) -> Array:
     """(p,), the best of the combinations of starting values."""
     choices = [
-        (known[key],) if key in known else parameter.scan
+        (values[key],) if key in values else parameter.scan
         for effect in effects
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
     ]
@@ -167,10 +167,10 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
         """Residual and derivatives, by one-sided differences into the bounds, all simulated at once."""
         x = np.frombuffer(at)
         side = np.where(x + DIFFERENCE > upper / typical, -DIFFERENCE, DIFFERENCE)
-        found = data.residual(effects, np.concatenate([x[None], x + np.diag(side)]) * typical)
-        J = ((found[1:] - found[0]) / side[:, None]).T
+        residuals = data.residual(effects, np.concatenate([x[None], x + np.diag(side)]) * typical)
+        J = ((residuals[1:] - residuals[0]) / side[:, None]).T
         size = np.linalg.norm(J, axis=0)
-        return found[0], np.where(size > UNSEEN * size.max(initial=0.0), J, 0.0)
+        return residuals[0], np.where(size > UNSEEN * size.max(initial=0.0), J, 0.0)
 
     def residual(x: Array) -> Array:
         return both(x.tobytes())[0]
@@ -179,9 +179,11 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
         return both(x.tobytes())[1]
 
     inside = np.clip(start, lower, upper) / typical
-    found = least_squares(
+    solution = least_squares(
         residual, inside, derivative, (lower / typical, upper / typical), method="trf",
         ftol=TOLERANCE, xtol=TOLERANCE, gtol=1e-12, max_nfev=most,
     )  # fmt: skip
-    x = np.where(found.active_mask < 0, lower / typical, np.where(found.active_mask > 0, upper / typical, found.x))
-    return x * typical, -np.asarray(found.jac) / typical, np.asarray(found.fun)
+    x = np.where(
+        solution.active_mask < 0, lower / typical, np.where(solution.active_mask > 0, upper / typical, solution.x)
+    )
+    return x * typical, -np.asarray(solution.jac) / typical, np.asarray(solution.fun)

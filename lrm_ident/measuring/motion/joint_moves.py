@@ -61,15 +61,15 @@ class JointMoves:
         del effect
         return parameter.lower
 
-    def start(self, known: Mapping[str, float], added: MotionEffect) -> Mapping[str, float]:
+    def start(self, values: Mapping[str, float], added: MotionEffect) -> Mapping[str, float]:
         """Values (SI) to start from where an effect is added to a fit with known ones; those left out are scanned.
 
         A servo that was fitted without a limit is as slow as the limit made it.
         """
         if not isinstance(added, LIMITS):
-            return known
+            return values
         slow = str(ParameterRef(ServoResponse.id, added.place, ServoResponse.parameters[0].name))
-        return {key: value for key, value in known.items() if key != slow}
+        return {key: value for key, value in values.items() if key != slow}
 
     @cached_property
     def count(self) -> NDArray[np.int64]:

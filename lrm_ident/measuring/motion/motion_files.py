@@ -98,10 +98,10 @@ class MotionSource:
     def _at_rest(self, arm: Arm) -> Model:
         if self.rest is None:
             return model_of(arm, ())
-        found = load_model(self.rest)
-        if found.arm != arm:
-            raise FileError(self.rest, "--rest", f"is a model of {found.arm.name}", f"one of {arm.name}")
-        return found
+        rest_model = load_model(self.rest)
+        if rest_model.arm != arm:
+            raise FileError(self.rest, "--rest", f"is a model of {rest_model.arm.name}", f"one of {arm.name}")
+        return rest_model
 
 
 def open_motion(
@@ -113,10 +113,10 @@ def open_motion(
 
     Raises `FileError`.
     """
-    file, known = load_motion(model)
-    study = MotionStudy(known, source.moves(known.arm), progress=progress)
+    file, motion_model = load_motion(model)
+    study = MotionStudy(motion_model, source.moves(motion_model.arm), progress=progress)
     scale = study.moves.scale
-    before = [(one.step, (one.held_out_deg or one.held_out_mm or np.nan) / scale) for one in file.history]
+    before = [(step.step, (step.held_out_deg or step.held_out_mm or np.nan) / scale) for step in file.history]
     fitted = study.refit(before)
     return file, fitted
 

@@ -38,10 +38,10 @@ def draw_motion(before: MotionStudy, after: MotionStudy, path: Path) -> None:
         top.plot(t, read, ".", color="black", markersize=4, label=READ[unit])
         both = ((before, "before", HELD_OUT), (after, "after", MODEL))
         for study, name, colour in both if after.added_at(int(joint)) else ((after, "(nothing was added)", MODEL),):
-            left = scale * study.told_apart[joint].residual[move, :, axis][count]
-            error = float(np.sqrt(np.nanmean(left**2)))
-            own = scale * study.moves.told_and_read(int(joint))[1][move, :, axis][count]
-            top.plot(t, own - left, color=colour, linewidth=1.2, label=f"predicted {name}")
-            bottom.plot(t, left, color=colour, linewidth=1.2, label=f"{name}: {error:.2f} {unit} RMS")
+            tip_error = scale * study.told_apart[joint].residual[move, :, axis][count]
+            error = float(np.sqrt(np.nanmean(tip_error**2)))
+            commanded_error = scale * study.moves.told_and_read(int(joint))[1][move, :, axis][count]
+            top.plot(t, commanded_error - tip_error, color=colour, linewidth=1.2, label=f"predicted {name}")
+            bottom.plot(t, tip_error, color=colour, linewidth=1.2, label=f"{name}: {error:.2f} {unit} RMS")
         finish(top, "", angle, f"{what}: the move that was predicted worst{' before' * bool(after.model.added)}")
         finish(bottom, "time in the move, s", f"reading − prediction, {unit}")

@@ -72,23 +72,23 @@ def comparison_document(study: MotionStudy) -> Document:
 
 
 def diagnosis_document(
-    study: MotionStudy, found: Sequence[JointScreening], model: str = "MODEL", data: str = "RECORDING"
+    study: MotionStudy, screenings: Sequence[JointScreening], model: str = "MODEL", data: str = "RECORDING"
 ) -> Document:
     """Result of `motion diagnose`; schema `lrm/motion-diagnosis/1`."""
-    best, moves, unit = max(found, key=lambda one: one.saved), study.moves, study.moves.unit
-    concluded = _conclusion(study, found, best, model, data)
+    best, moves, unit = max(screenings, key=lambda screening: screening.saved), study.moves, study.moves.unit
+    concluded = _conclusion(study, screenings, best, model, data)
     rows = sorted(
-        (one for joint in found for one in joint.candidates if one.held_out is not None),
-        key=lambda one: (one.verdict != "supported", -_saved(found, one)),
+        (candidate for joint in screenings for candidate in joint.candidates if candidate.held_out is not None),
+        key=lambda candidate: (candidate.verdict != "supported", -_saved(screenings, candidate)),
     )
     candidates = [
         (
-            one.effect.name,
-            f"{_number(_before(found, one), moves)} → {_number(one.held_out or np.nan, moves)}",
-            "█" * max(1, round(BAR * min((one.held_out or 0.0) / _before(found, one), 1.0))),
-            _status(found, one),
+            candidate.effect.name,
+            f"{_number(_before(screenings, candidate), moves)} → {_number(candidate.held_out or np.nan, moves)}",
+            "█" * max(1, round(BAR * min((candidate.held_out or 0.0) / _before(screenings, candidate), 1.0))),
+            _status(screenings, candidate),
         )
-        for one in rows[:SHOWN]
+        for candidate in rows[:SHOWN]
     ]
     title = "\nHeld-out error of its joint with each candidate added"
     table = ResultTable(("candidate", f"held out, {unit} RMS|", "", "status"), candidates, title)
@@ -96,16 +96,18 @@ def diagnosis_document(
     room = min(room_below(blocks), len(candidates))
     blocks += [replace(table, cells=candidates[:room])] if room >= FEWEST else []
     refused = [
-        f"{plain_name(effect.name)} ({effect.name}): {reason}" for one in found for effect, reason in one.not_testable
+        f"{plain_name(effect.name)} ({effect.name}): {reason}"
+        for screening in screenings
+        for effect, reason in screening.not_testable
     ]
     values = {
         **_values(study),
         "conclusion": concluded,
-        "ranking": [_candidate(found, one, moves) for one in rows],
+        "ranking": [_candidate(screenings, candidate, moves) for candidate in rows],
         "not_testable": [
             {"effect": effect.id, "place": effect.place, "reason": reason}
-            for one in found
-            for effect, reason in one.not_testable
+            for screening in screenings
+            for effect, reason in screening.not_testable
         ],
     }
     details = [*([table] if rows else []), *section("What these moves cannot show", refused)]
@@ -115,8 +117,8 @@ def diagnosis_document(
 
 def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: str) -> Document:
     """Result of `motion auto`; schema `lrm/motion-auto/1`."""
-    identified = [one for one in judged if one.identified]
-    names = enumerate_words([plain_name(one.effect.name) for one in identified], LISTED)
+    identified = [judged_effect for judged_effect in judged if judged_effect.identified]
+    names = enumerate_words([plain_name(judged_effect.effect.name) for judged_effect in identified], LISTED)
     first, last, moves, unit = study.history[0][1], study.history[-1][1], study.moves, study.moves.unit
     ratio = max(fit.held_out_rms / noise for fit, noise in zip(study.fits, study.moves.noise, strict=True))
     if identified:
@@ -137,8 +139,7 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
     table = ResultTable(
         ("effect", "size", f"without it, {unit} RMS|", "what it is"),
         [
-            (one.effect.name, _size(study, one.effect), _number(one.without, moves), _kind(one))
-            for one in judged
+            (item.effect.name, _size(study, item.effect), _number(item.without, moves), _kind(item)) for item in judged
         ],
         "Effects of the model, and the held-out error of their joint without them",
     )  # fmt: skip
@@ -152,38 +153,40 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
         "conclusion": concluded,
         "effects": [
             {
-                "effect": one.effect.name,
-                "kind": term_of(one.kind, one.rivals),
-                "identified": one.identified,
-                "indistinguishable_from": one.rivals,
-                f"held_out_without_{unit}": one.without * moves.scale,
+                "effect": judged_effect.effect.name,
+                "kind": term_of(judged_effect.kind, judged_effect.rivals),
+                "identified": judged_effect.identified,
+                "indistinguishable_from": judged_effect.rivals,
+                f"held_out_without_{unit}": judged_effect.without * moves.scale,
             }
-            for one in judged
+            for judged_effect in judged
         ],
     }
     return Document(blocks, "lrm/motion-auto/1", values)
 
 
 def _conclusion(
-    study: MotionStudy, found: Sequence[JointScreening], best: JointScreening, model: str, data: str
+    study: MotionStudy, screenings: Sequence[JointScreening], best: JointScreening, model: str, data: str
 ) -> Conclusion:
     moves = study.moves
     first, files = best.first, f"{shlex.quote(model)} {data}"
     if first is None or first.held_out is None:
-        left = [one for one in found if one.before.held_out_rms > FLOOR_RATIO * one.noise]
+        above_noise = [
+            screening for screening in screenings if screening.before.held_out_rms > FLOOR_RATIO * screening.noise
+        ]
         facts: tuple[tuple[str, str], ...] = (
             ("held-out error", f"{in_unit(study.held_out_rms, moves)} RMS {_over(moves)}"),
             ("noise", _noise(study)),
         )
-        if not left:
+        if not above_noise:
             words = "No missing effect found: the remaining error is about the noise of a reading."
             return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model"),))
-        worst = max(left, key=lambda one: one.before.held_out_rms / one.noise)
+        worst = max(above_noise, key=lambda screening: screening.before.held_out_rms / screening.noise)
         words = f"{worst.before.effects[0].place}, {worst.before.held_out_rms / worst.noise:.1f} times its noise"
         where = NextStep("See where it fails", (f"lrm-ident motion compare {files}",))
         headline = "No cause identified. The error is systematic, but no known effect explains it."
         return Conclusion(headline, (*facts, ("worst", words)), (), (where,))
-    name, alike = first.effect.name, [plain_name(one) for one in best.equivalent]
+    name, alike = first.effect.name, [plain_name(effect_name) for effect_name in best.equivalent]
     what = f"{plain_name(name)} ({name})"
     before, after = best.before.held_out_rms, first.held_out
     squares = before**2 - after**2, max(after**2 - (FLOOR_RATIO * best.noise) ** 2, 0.0)
@@ -220,19 +223,19 @@ def _conclusion(
     return Conclusion(headline, facts, (), steps)
 
 
-def _runner_up(found: JointScreening, moves: Moves) -> str:
-    others = [one for one in found.candidates[1:] if one.held_out is not None]
+def _runner_up(screening: JointScreening, moves: Moves) -> str:
+    others = [candidate for candidate in screening.candidates[1:] if candidate.held_out is not None]
     if not others:
         return ""
-    least = min(others, key=lambda one: one.held_out or np.inf)
+    least = min(others, key=lambda candidate: candidate.held_out or np.inf)
     return f"; the next best, {plain_name(least.effect.name)}, would leave {in_unit(least.held_out or np.nan, moves)}"
 
 
-def _claim(found: MotionCandidate) -> str:
-    values, sigma = found.fit.by_key, found.fit.sigma
+def _claim(candidate: MotionCandidate) -> str:
+    values, sigma = candidate.fit.by_key, candidate.fit.sigma
     return ", ".join(
         f"{parameter.meaning} {estimate(parameter, values[key], sigma[key])}"
-        for key, parameter in zip(found.effect.keys, found.effect.parameters, strict=True)
+        for key, parameter in zip(candidate.effect.keys, candidate.effect.parameters, strict=True)
     )
 
 
@@ -255,9 +258,9 @@ def estimate(parameter: Parameter, value: float, error: float) -> str:
     return f"{value * factor:.{digits}f} ± {error * factor:.{digits}f} {name}".rstrip()
 
 
-def _kind(one: JudgedEffect) -> str:
-    beside = enumerate_words([plain_name(name) for name in one.rivals], LISTED)
-    term = term_of(one.kind, one.rivals)
+def _kind(judged_effect: JudgedEffect) -> str:
+    beside = enumerate_words([plain_name(name) for name in judged_effect.rivals], LISTED)
+    term = term_of(judged_effect.kind, judged_effect.rivals)
     return f"{term}, or {beside}" if beside else term
 
 
@@ -265,8 +268,8 @@ def _errors(study: MotionStudy, title: str) -> ResultTable:
     labels = joint_labels(study.moves.arm) if study.moves.unit == "deg" else ["tip, along an axis"]
     rows = []
     for label, fit, noise in zip(labels, study.told_apart, study.moves.noise.tolist(), strict=False):
-        told, left = study.moves.beside_command(fit.effects[0].joint), fit.residual[study.moves.counted]
-        errors = (_rms(told), _rms(left), fit.held_out_rms, noise)
+        told, unexplained = study.moves.beside_command(fit.effects[0].joint), fit.residual[study.moves.counted]
+        errors = (_rms(told), _rms(unexplained), fit.held_out_rms, noise)
         rows.append((label, *(float(value) * study.moves.scale for value in errors)))
     columns = ("joint", *(f"{name}_{study.moves.unit}|.3f" for name in ("command", "fit", "held_out", "noise")))
     return ResultTable(columns, rows, title)
@@ -295,42 +298,42 @@ def _values(study: MotionStudy) -> dict[str, object]:
     }
 
 
-def _candidate(found: Sequence[JointScreening], one: MotionCandidate, moves: Moves) -> dict[str, object]:
-    values, sigma = one.fit.by_key, one.fit.sigma
+def _candidate(screenings: Sequence[JointScreening], candidate: MotionCandidate, moves: Moves) -> dict[str, object]:
+    values, sigma = candidate.fit.by_key, candidate.fit.sigma
     return {
-        "effect": one.effect.id,
-        "place": one.effect.place,
-        "verdict": one.verdict,
-        f"held_out_{moves.unit}": (one.held_out or np.nan) * moves.scale,
-        f"before_{moves.unit}": _before(found, one) * moves.scale,
-        "p_value": one.p_value,
-        "indistinguishable": one.effect.name in _screening(found, one).equivalent,
+        "effect": candidate.effect.id,
+        "place": candidate.effect.place,
+        "verdict": candidate.verdict,
+        f"held_out_{moves.unit}": (candidate.held_out or np.nan) * moves.scale,
+        f"before_{moves.unit}": _before(screenings, candidate) * moves.scale,
+        "p_value": candidate.p_value,
+        "indistinguishable": candidate.effect.name in _screening(screenings, candidate).equivalent,
         "parameters": {
-            ParameterRef.parse(key).name: {"value": values[key], "se": sigma[key]} for key in one.effect.keys
+            ParameterRef.parse(key).name: {"value": values[key], "se": sigma[key]} for key in candidate.effect.keys
         },
     }
 
 
-def _status(found: Sequence[JointScreening], one: MotionCandidate) -> str:
-    own = _screening(found, one)
-    if one is own.first:
-        share = 1.0 - ((one.held_out or 0.0) / own.before.held_out_rms) ** 2
+def _status(screenings: Sequence[JointScreening], candidate: MotionCandidate) -> str:
+    screening = _screening(screenings, candidate)
+    if candidate is screening.first:
+        share = 1.0 - ((candidate.held_out or 0.0) / screening.before.held_out_rms) ** 2
         return f"explains {in_percent(share)} %"
-    if one.effect.name in own.equivalent:
+    if candidate.effect.name in screening.equivalent:
         return Standing.LIKE
-    return STANDINGS[one.verdict]
+    return STANDINGS[candidate.verdict]
 
 
-def _screening(found: Sequence[JointScreening], one: MotionCandidate) -> JointScreening:
-    return next(own for own in found if any(one is other for other in own.candidates))
+def _screening(screenings: Sequence[JointScreening], candidate: MotionCandidate) -> JointScreening:
+    return next(screening for screening in screenings if any(candidate is other for other in screening.candidates))
 
 
-def _before(found: Sequence[JointScreening], one: MotionCandidate) -> float:
-    return _screening(found, one).before.held_out_rms
+def _before(screenings: Sequence[JointScreening], candidate: MotionCandidate) -> float:
+    return _screening(screenings, candidate).before.held_out_rms
 
 
-def _saved(found: Sequence[JointScreening], one: MotionCandidate) -> float:
-    return _before(found, one) ** 2 - (one.held_out or np.inf) ** 2
+def _saved(screenings: Sequence[JointScreening], candidate: MotionCandidate) -> float:
+    return _before(screenings, candidate) ** 2 - (candidate.held_out or np.inf) ** 2
 
 
 def _noise(study: MotionStudy) -> str:

@@ -86,47 +86,49 @@ class MotionStudy:
 
     def screen(self, joints: Iterable[int] | None = None) -> tuple[JointScreening, ...]:
         """Tries every effect at every joint (or `joints`, from 0)."""
-        own = self if self.fits else self.fit()
+        fitted = self if self.fits else self.fit()
         tried = len(self.catalogue) * self.moves.arm.dof
         chosen = list(range(self.moves.arm.dof) if joints is None else joints)
         out = []
         for number, joint in enumerate(chosen):
             self.progress("trying every effect at every joint", number, len(chosen))
-            out.append(screen_joint(own.fits[joint], float(self.moves.noise[joint]), self.catalogue, tried))
+            out.append(screen_joint(fitted.fits[joint], float(self.moves.noise[joint]), self.catalogue, tried))
         self.progress("trying every effect at every joint", len(chosen), len(chosen))
         return tuple(out)
 
     def add(self, name: str) -> MotionStudy:
         """Adds an effect `id@joint` and refits. Raises `LrmError`: unknown, there already, or not testable here."""
-        own = self if self.fits else self.fit()
+        fitted = self if self.fits else self.fit()
         effect = effect_of(self.moves.arm, name, self.catalogue)
-        if effect.name in {one.name for one in own.model.effects}:
+        if effect.name in {effect_present.name for effect_present in fitted.model.effects}:
             raise LrmError(f"{effect.name} is in the model already")
         reason = effect.missing_excitation(self.moves.drive(effect.joint))
         if reason is not None:
             raise LrmError(f"{effect.name}: these moves cannot show it: {reason}")
-        return own._with(effect)._noted(f"add {effect.name}")
+        return fitted._with(effect)._noted(f"add {effect.name}")
 
     def auto(self, on_step: Callable[[str, MotionStudy], object] = lambda *_: None) -> MotionStudy:
         """Adds at every joint the best effect, until none predicts held-out moves better; drops what is superfluous."""
-        own = self if self.fits else self.fit()
-        on_step("fit", own)
+        fitted = self if self.fits else self.fit()
+        on_step("fit", fitted)
         open_joints = list(range(self.moves.arm.dof))
         for _ in range(MOST_ADDED):
-            found = own.screen(open_joints)
-            open_joints = [joint for joint, one in zip(open_joints, found, strict=True) if one.first is not None]
-            for one in sorted(found, key=lambda one: -one.saved):
-                if one.first is not None:
-                    own = own._with(one.first.effect)._noted(f"add {one.first.effect.name}")
-                    on_step(own.history[-1][0], own)
+            screenings = fitted.screen(open_joints)
+            open_joints = [
+                joint for joint, screening in zip(open_joints, screenings, strict=True) if screening.first is not None
+            ]
+            for by_joint in sorted(screenings, key=lambda joint_screening: -joint_screening.saved):
+                if by_joint.first is not None:
+                    fitted = fitted._with(by_joint.first.effect)._noted(f"add {by_joint.first.effect.name}")
+                    on_step(fitted.history[-1][0], fitted)
             if not open_joints:
                 break
-        for effect in own.model.added:
-            without = own._without(effect)
-            if not is_worse(without.fits[effect.joint], own.fits[effect.joint]):
-                own = without._noted(f"drop {effect.name}")
-                on_step(own.history[-1][0], own)
-        return own
+        for effect in fitted.model.added:
+            without = fitted._without(effect)
+            if not is_worse(without.fits[effect.joint], fitted.fits[effect.joint]):
+                fitted = without._noted(f"drop {effect.name}")
+                on_step(fitted.history[-1][0], fitted)
+        return fitted
 
     def judged(self) -> tuple[JudgedEffect, ...]:
         """What the model says of each added effect: cause, possible cause, or description; and what else it may be."""
@@ -141,7 +143,7 @@ class MotionStudy:
         fit, noise = self.fits[joint], float(self.moves.noise[joint])
         bare = {effect.name: without_effect(fit, effect) for effect in added}
         added = sorted(added, key=lambda effect: -bare[effect.name].held_out_rms)
-        left = max(fit.held_out_rms**2 - (FLOOR_RATIO * noise) ** 2, 0.0)
+        unexplained = max(fit.held_out_rms**2 - (FLOOR_RATIO * noise) ** 2, 0.0)
         steps = [
             (
                 bare[effect.name].held_out_rms ** 2 - fit.held_out_rms**2,
@@ -149,7 +151,7 @@ class MotionStudy:
             )
             for effect in added
         ]
-        kinds = attribute_steps(steps, left)
+        kinds = attribute_steps(steps, unexplained)
         return [
             JudgedEffect(
                 effect, kind.kind, bare[effect.name].held_out_rms, self._rivals(fit, effect, bare[effect.name])
@@ -159,7 +161,7 @@ class MotionStudy:
 
     def _rivals(self, fit: JointFit, effect: MotionEffect, bare: JointFit) -> tuple[str, ...]:
         """Effects that predict as well in its place."""
-        present = {one.id for one in fit.effects}
+        present = {effect_present.id for effect_present in fit.effects}
         out = []
         for kind in self.catalogue:
             other = kind(effect.arm, effect.place)
@@ -179,7 +181,7 @@ class MotionStudy:
 
     def _replaced(self, fit: JointFit) -> MotionStudy:
         joint = fit.effects[0].joint
-        fits = tuple(fit if number == joint else one for number, one in enumerate(self.fits))
+        fits = tuple(fit if number == joint else joint_fit for number, joint_fit in enumerate(self.fits))
         return replace(self, model=self.model.with_joint(fit.effects, fit.by_key, fit.sigma), fits=fits)
 
     def _refitted(self, joints: Iterable[int], twice: bool = False) -> MotionStudy:

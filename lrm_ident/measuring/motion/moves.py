@@ -211,8 +211,8 @@ def cut(
     `episodes`: how unfit for a cut each frame of an episode is, and its number.
     Raises `FileError`: too few moves.
     """
-    found = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
-    pieces, leads = [piece for piece, _ in found], [lead for _, lead in found]
+    all_pieces = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
+    pieces, leads = [piece for piece, _ in all_pieces], [lead for _, lead in all_pieces]
     if len(pieces) < LEAST_MOVES:
         what = f"{len(pieces)} moves of {SHORTEST_S:g} to {LONGEST_S:g} s"
         raise FileError(path, "", what, f"{LEAST_MOVES} at least: about a minute of motion")
@@ -250,8 +250,8 @@ def _pieces(unfit: Array, rows: NDArray[np.int64], dt: float) -> list[tuple[NDAr
         if rest - cut < shortest and rest <= shortest + longest and rest > longest:
             cut = rest // 2
         latest = max(begin - least, 0)
-        own = begin - latest + int(np.argmin(unfit[max(begin - most, 0) : latest + 1][::-1]))
-        out.append((rows[begin - own : begin + cut], own))
+        stillest = begin - latest + int(np.argmin(unfit[max(begin - most, 0) : latest + 1][::-1]))
+        out.append((rows[begin - stillest : begin + cut], stillest))
         begin += cut
     return out
 
@@ -259,10 +259,10 @@ def _pieces(unfit: Array, rows: NDArray[np.int64], dt: float) -> list[tuple[NDAr
 def followed(command: Array, dt: float, lag: float = 0.1) -> Array:
     """(S, T, n), the command behind a first-order lag (s): about where an arm is."""
     out, share = np.empty_like(command), 1.0 - np.exp(-dt / lag)
-    now = command[:, 0]
+    position = command[:, 0]
     for k in range(command.shape[1]):
-        out[:, k] = now
-        now = now + share * (command[:, k] - now)
+        out[:, k] = position
+        position = position + share * (command[:, k] - position)
     return out
 
 
@@ -293,5 +293,5 @@ def _unexplained(columns: Array, values: Array) -> float:
     """Mean square of values (N,) that columns (N, k) do not explain; 0 of too few."""
     if len(values) <= 2 * columns.shape[1]:
         return 0.0
-    found, _, rank, _ = np.linalg.lstsq(columns, values, rcond=None)
-    return float(np.sum((values - columns @ found) ** 2) / (len(values) - rank))
+    solution, _, rank, _ = np.linalg.lstsq(columns, values, rcond=None)
+    return float(np.sum((values - columns @ solution) ** 2) / (len(values) - rank))

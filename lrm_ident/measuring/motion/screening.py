@@ -72,8 +72,12 @@ class JointScreening:
     @property
     def saved(self) -> float:
         """Held-out mean square (rad²) that the first would take away; 0 without one."""
-        found = self.first
-        return 0.0 if found is None or found.held_out is None else self.before.held_out_rms**2 - found.held_out**2
+        candidate = self.first
+        return (
+            0.0
+            if candidate is None or candidate.held_out is None
+            else self.before.held_out_rms**2 - candidate.held_out**2
+        )
 
 
 def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tried: int) -> JointScreening:
@@ -85,21 +89,27 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
     refused = tuple((effect, reason) for effect, reason in reasons if reason is not None)
     if before.held_out_rms <= TRIED_FROM * noise:
         return JointScreening(before, noise, (), refused)
-    found = _ordered([_candidate(before, effect, tried) for effect, reason in reasons if reason is None])
-    best = found[0] if found and found[0].verdict == Support.SUPPORTED else None
-    alike = () if best is None else _equivalent(before, best, found[1:])
-    return JointScreening(before, noise, tuple(found), refused, alike)
+    ordered = _ordered([_candidate(before, effect, tried) for effect, reason in reasons if reason is None])
+    best = ordered[0] if ordered and ordered[0].verdict == Support.SUPPORTED else None
+    alike = () if best is None else _equivalent(before, best, ordered[1:])
+    return JointScreening(before, noise, tuple(ordered), refused, alike)
 
 
-def _ordered(found: Sequence[MotionCandidate]) -> list[MotionCandidate]:
+def _ordered(candidates: Sequence[MotionCandidate]) -> list[MotionCandidate]:
     """The best first; a term that names no cause goes before causes only where it predicts better than all of them."""
-    order = sorted(found, key=lambda one: (one.verdict != Support.SUPPORTED, one.held_out or np.inf))
-    causes = [one for one in order if one.effect.names_a_cause]
-    terms = [one for one in order if not one.effect.names_a_cause]
+    order = sorted(
+        candidates, key=lambda candidate: (candidate.verdict != Support.SUPPORTED, candidate.held_out or np.inf)
+    )
+    causes = [candidate for candidate in order if candidate.effect.names_a_cause]
+    terms = [candidate for candidate in order if not candidate.effect.names_a_cause]
     if not causes or causes[0].verdict != Support.SUPPORTED:
         return order
-    better = [one for one in terms if one.verdict == Support.SUPPORTED and is_worse(causes[0].fit, one.fit)]
-    return [*better, *causes, *(one for one in terms if one not in better)]
+    better = [
+        candidate
+        for candidate in terms
+        if candidate.verdict == Support.SUPPORTED and is_worse(causes[0].fit, candidate.fit)
+    ]
+    return [*better, *causes, *(candidate for candidate in terms if candidate not in better)]
 
 
 def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
@@ -117,7 +127,7 @@ def _explains(fit: JointFit, before: JointFit) -> bool:
 
 def without_effect(before: JointFit, effect: MotionEffect) -> JointFit:
     """The fit without an effect."""
-    kept = tuple(one for one in before.effects if one.name != effect.name)
+    kept = tuple(effect_kept for effect_kept in before.effects if effect_kept.name != effect.name)
     return fit_joint(kept, before.data, before.by_key)
 
 
@@ -137,8 +147,8 @@ def is_plausible(fit: JointFit, effect: MotionEffect) -> bool:
     values, sigma = fit.by_key, fit.sigma
     rows = list(zip(effect.keys, effect.parameters, strict=True))
     size = rows[0][0]
-    known = abs(values[size]) > Z_THRESHOLD * sigma[size]
-    return known and all(abs(values[key]) <= parameter.plausible.largest for key, parameter in rows)
+    certain = abs(values[size]) > Z_THRESHOLD * sigma[size]
+    return certain and all(abs(values[key]) <= parameter.plausible.largest for key, parameter in rows)
 
 
 def p_of_gain(before: JointFit, after: JointFit) -> float:
@@ -164,11 +174,11 @@ def _equivalent(before: JointFit, best: MotionCandidate, others: Sequence[Motion
     assert best.held_out is not None
     least = EQUIVALENT_GAIN * (before.held_out_rms**2 - best.held_out**2)
     return tuple(
-        one.effect.name
-        for one in others
-        if one.verdict == Support.SUPPORTED
-        and one.effect.names_a_cause
-        and one.held_out is not None
-        and before.held_out_rms**2 - one.held_out**2 >= least
-        and not is_worse(one.fit, best.fit)
+        candidate.effect.name
+        for candidate in others
+        if candidate.verdict == Support.SUPPORTED
+        and candidate.effect.names_a_cause
+        and candidate.held_out is not None
+        and before.held_out_rms**2 - candidate.held_out**2 >= least
+        and not is_worse(candidate.fit, best.fit)
     )

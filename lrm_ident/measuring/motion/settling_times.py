@@ -23,6 +23,6 @@ def settling_times(
     return [settling(model, a, b, speed, within) for a, b in pairwise(angles)]
 
 
-def longest(found: Sequence[Settling]) -> Settling:
+def longest(times: Sequence[Settling]) -> Settling:
     """The longest of all; none: no time."""
-    return max(found, key=lambda one: one.seconds, default=Settling(0.0, 0))
+    return max(times, key=lambda times: times.seconds, default=Settling(0.0, 0))

@@ -31,12 +31,12 @@ Springs = Mapping[int, tuple[Array, Array]]
 
 def springs_of(model: MotionModel) -> Springs:
     """Springs of all joints whose link swings, (1,) each."""
-    found = {}
+    springs = {}
     for effect in model.effects:
         if isinstance(effect, Swing):
             hz, ratio = (np.array([model.values[key]]) for key in effect.keys[:2])
-            found[effect.joint] = 2.0 * np.pi * hz, ratio
-    return found
+            springs[effect.joint] = 2.0 * np.pi * hz, ratio
+    return springs
 
 
 def servo_angle(effects: Sequence[MotionEffect], rows: Array, drive: JointDrive) -> Array:
@@ -96,12 +96,12 @@ class TipJoint(JointMoves):
         damped = isinstance(effect, ServoResponse) and parameter.name == "damping_ratio"
         return LEAST_DAMPING if damped else parameter.lower
 
-    def start(self, known: Mapping[str, float], added: MotionEffect) -> Mapping[str, float]:
+    def start(self, values: Mapping[str, float], added: MotionEffect) -> Mapping[str, float]:
         """With a stiff servo where the link swings: one that was fitted without the swing is as soft as that."""
         if not isinstance(added, Swing):
-            return known
+            return values
         hz, ratio = (str(ParameterRef(ServoResponse.id, added.place, p.name)) for p in ServoResponse.parameters)
-        return {**known, hz: STIFF_HZ, ratio: 1.0}
+        return {**values, hz: STIFF_HZ, ratio: 1.0}
 
     def missed(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
         """(P, S, T, 3), m."""
@@ -121,11 +121,11 @@ class TipJoint(JointMoves):
 
     def derivatives(self, effects: Sequence[MotionEffect], values: Mapping[str, float], difference: float) -> Array:
         """(S, T, 3, p), of the tip (m) by the effects' parameters (SI); `difference`: in typical sizes."""
-        now = np.array([values[key] for effect in effects for key in effect.keys])
+        current = np.array([values[key] for effect in effects for key in effect.keys])
         parameters = [parameter for effect in effects for parameter in effect.parameters]
         step = difference * np.array([p.typical for p in parameters])
-        side = np.where(now + step > [p.upper for p in parameters], -step, step)
-        found = self.missed(effects, np.concatenate([now[None], now + np.diag(side)]))
-        columns = np.moveaxis((found[0] - found[1:]) / side[:, None, None, None], 0, 3)
+        side = np.where(current + step > [p.upper for p in parameters], -step, step)
+        missed = self.missed(effects, np.concatenate([current[None], current + np.diag(side)]))
+        columns = np.moveaxis((missed[0] - missed[1:]) / side[:, None, None, None], 0, 3)
         seen = np.sqrt(np.mean(columns[self.counted] ** 2, axis=(0, 1))) * [p.typical for p in parameters] > UNSEEN_M
         return np.asarray(np.where(seen, columns, 0.0))

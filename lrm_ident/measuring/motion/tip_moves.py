@@ -109,12 +109,12 @@ class TipMoves(Moves):
             trial = _changed(model, alone, step[static.shape[3] :])
             new_moves = moves.along(trial)
             new_q, new_alone = new_moves._predicted(trial)
-            left = (new_moves.tip - new_moves._tips(new_q)[0])[moves.counted].reshape(-1)
-            if left @ left >= error @ error:
+            unexplained = (new_moves.tip - new_moves._tips(new_q)[0])[moves.counted].reshape(-1)
+            if unexplained @ unexplained >= error @ error:
                 damping *= 10.0
                 continue
-            done = left @ left > (1.0 - ENOUGH) * (error @ error)
-            moves, model, q, alone, error, damping = new_moves, trial, new_q, new_alone, left, 0.2 * damping
+            done = unexplained @ unexplained > (1.0 - ENOUGH) * (error @ error)
+            moves, model, q, alone, error, damping = new_moves, trial, new_q, new_alone, unexplained, 0.2 * damping
             if done:
                 break
         return moves, model
@@ -124,7 +124,10 @@ class TipMoves(Moves):
         links = LinksAlongPath.of(self.arm, self.path, self.substeps)
         drives = [self.drive(joint) for joint in range(self.arm.dof)]
         effects = [model.of_joint(joint) for joint in range(self.arm.dof)]
-        values = [np.array([[model.values[key] for one in own for key in one.keys]]) for own in effects]
+        values = [
+            np.array([[model.values[key] for effect in effects_of_joint for key in effect.keys]])
+            for effects_of_joint in effects
+        ]
         moved = [servo_angle(*row)[:, 0] for row in zip(effects, values, drives, strict=True)]
         servos, springs = np.stack(moved, axis=2), springs_of(model)
         q = with_links(links, servos[:, None], springs, drives[0].h)[:: self.substeps, 0].swapaxes(0, 1)
@@ -161,10 +164,10 @@ class TipMoves(Moves):
         for effect in model.effects:
             if isinstance(effect, RestOffset):
                 offset[effect.joint] = model.values[effect.keys[0]]
-        own = replace(self, path=q - offset)
+        shifted = replace(self, path=q - offset)
         for _ in range(ITERATIONS // 2):
-            own = own._installed(q)
-        return own
+            shifted = shifted._installed(q)
+        return shifted
 
     def _tips(self, q: Array) -> tuple[Array, Array, Array]:
         """Tips (S, T, 3) at angles (S, T, n), rad, their derivatives by these, (S, T, 3, n), and by the installation,
@@ -192,25 +195,35 @@ class TipMoves(Moves):
         A, error = static[self.counted].reshape(-1, static.shape[3]), (self.tip - tip)[self.counted].reshape(-1)
         scale = np.linalg.norm(A, axis=0)
         change = np.linalg.lstsq(A / scale, error, rcond=RANK)[0] / scale
-        now, turn = self.installation, skew(change[3:6])
-        rotation, _ = np.linalg.qr((np.eye(3) + turn) @ now.rotation)
-        rotation = rotation * np.sign(np.sum(rotation * ((np.eye(3) + turn) @ now.rotation), axis=0))
-        place = Installation(rotation, now.shift + change[:3], now.body + change[6:9], now.late + float(change[9]))
+        installation, turn = self.installation, skew(change[3:6])
+        rotation, _ = np.linalg.qr((np.eye(3) + turn) @ installation.rotation)
+        rotation = rotation * np.sign(np.sum(rotation * ((np.eye(3) + turn) @ installation.rotation), axis=0))
+        place = Installation(
+            rotation,
+            installation.shift + change[:3],
+            installation.body + change[6:9],
+            installation.late + float(change[9]),
+        )
         return replace(self, installation=place)
 
 
 def _derivatives(model: MotionModel, alone: Sequence[TipJoint]) -> list[Array]:
     """(S, T, 3, p) of each joint, of the tip (m) by its parameters (SI)."""
-    return [one.derivatives(model.of_joint(joint), model.values, DIFFERENCE) for joint, one in enumerate(alone)]
+    return [
+        joint_alone.derivatives(model.of_joint(joint), model.values, DIFFERENCE)
+        for joint, joint_alone in enumerate(alone)
+    ]
 
 
 def _changed(model: MotionModel, alone: Sequence[TipJoint], change: Array) -> MotionModel:
     """The model with all joints' parameters, in order, changed (SI) within their bounds."""
     values, at = dict(model.values), 0
-    for joint, one in enumerate(alone):
+    for joint, joint_alone in enumerate(alone):
         for effect in model.of_joint(joint):
             for key, parameter in zip(effect.keys, effect.parameters, strict=True):
-                values[key] = float(np.clip(values[key] + change[at], one.lower(effect, parameter), parameter.upper))
+                values[key] = float(
+                    np.clip(values[key] + change[at], joint_alone.lower(effect, parameter), parameter.upper)
+                )
                 at += 1
     return replace(model, values=values)
 
@@ -265,8 +278,8 @@ def _stood(command: Array, dt: float) -> Array:
 
 def _clock_offset(log: CommandLog, track: TipTrack, poses: Model) -> float:
     """s to add to the commands' clock to get the tracker's: where the speeds of both tips agree best (correlation)."""
-    own, seen = np.arange(log.t[0], log.t[-1], GRID_S), np.arange(track.t[0], track.t[-1], GRID_S)
-    q = followed(log.at(own)[None], GRID_S)[0]
+    times, seen = np.arange(log.t[0], log.t[-1], GRID_S), np.arange(track.t[0], track.t[-1], GRID_S)
+    q = followed(log.at(times)[None], GRID_S)[0]
     chain = poses.chain
     drawn = chain_geometry(chain, chain.values(list(q.T)), len(q)).tcp.T
     a, b = (_speed(x) for x in (drawn, track.at(seen)))
@@ -280,7 +293,7 @@ def _clock_offset(log: CommandLog, track: TipTrack, poses: Model) -> float:
     if not scale > 0.0 or common[0] @ common[1] < ALIKE * scale:
         what = "the tip's speed does not follow that of the commands, at any offset of the clocks"
         raise FileError(track.path, "", what, "a recording of the motion that the log is of, of the body at the tip")
-    return float(seen[0] - own[0] + lag * GRID_S)
+    return float(seen[0] - times[0] + lag * GRID_S)
 
 
 def _speed(tip: Array) -> Array:

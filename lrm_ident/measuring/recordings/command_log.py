@@ -77,7 +77,7 @@ class CommandLog:
         dt = max(float(np.median(np.diff(t))), FINEST_S)
         pieces = np.split(t, np.flatnonzero(np.diff(t) > max(SPARSE_S, GAPS * dt)) + 1)
         even = [piece[0] + dt * np.arange(int((piece[-1] - piece[0]) / dt) + 1) for piece in pieces]
-        at, episode = np.concatenate(even), np.repeat(np.arange(len(even)), [len(one) for one in even])
+        at, episode = np.concatenate(even), np.repeat(np.arange(len(even)), [len(times) for times in even])
         read = np.stack([np.interp(at, t, column) for column in q.T], axis=1)
         return LeRobotFrames(self.q[np.searchsorted(self.t, at, side="right") - 1], read, at, episode)
 

@@ -30,7 +30,7 @@ def dtrack_take(path: Path, text: str) -> RecordedTake:
 
     The last frame may be cut short. Raises `FileError`: another one cannot be read, or no target was ever seen.
     """
-    starts = [*(found.start() for found in FRAME.finditer(text)), len(text)]
+    starts = [*(frame.start() for frame in FRAME.finditer(text)), len(text)]
     frames: list[TrackerFrame] = []
     for number, (begin, end) in enumerate(pairwise(starts)):
         frame = parse_dtrack(text[begin:end].encode("ascii", "replace"))

@@ -104,18 +104,21 @@ def checkup(frames: LeRobotFrames, arm: Arm, dwell: float) -> EncoderCheckup:
     command, state, beyond = within_limits(arm, command, state)
     torque = solve_equilibrium(model_of(arm, ()), poses_of(state)).joint_torque
     side, time = last_sides(frames)[last], elapsed(frames)[last]
-    found = [EncoderFinding(one.joint, one.mistake, one.size, 0.0, 1, None, 0.0, one) for one in (*mistakes, *beyond)]
-    found += list(_not_read(frames))
+    findings = [
+        EncoderFinding(misread.joint, misread.mistake, misread.size, 0.0, 1, None, 0.0, misread)
+        for misread in (*mistakes, *beyond)
+    ]
+    findings += list(_not_read(frames))
     after = np.empty(arm.dof)
     for joint in range(arm.dof):
         terms = list(_terms(command[:, joint], torque[:, joint], side[:, joint], time, frames.t[last]))
-        named, left = _select((state - command)[:, joint], terms, arm.dof * sum(1 for _ in terms))
-        found += [one for term in TERMS if (one := _finding(joint, term, named)) and one.size >= MATTERS]
-        after[joint] = np.sqrt(np.mean(left**2))
+        named, unexplained = _select((state - command)[:, joint], terms, arm.dof * sum(1 for _ in terms))
+        findings += [finding for term in TERMS if (finding := _finding(joint, term, named)) and finding.size >= MATTERS]
+        after[joint] = np.sqrt(np.mean(unexplained**2))
         if after[joint] >= MATTERS:
-            found.append(EncoderFinding(joint, "unexplained", float(after[joint]), 0.0, 1, None, 0.0))
-    found.sort(key=lambda one: -one.size)
-    return EncoderCheckup(tuple(found), len(rests), before, after, frames.episode[last])
+            findings.append(EncoderFinding(joint, "unexplained", float(after[joint]), 0.0, 1, None, 0.0))
+    findings.sort(key=lambda finding: -finding.size)
+    return EncoderCheckup(tuple(findings), len(rests), before, after, frames.episode[last])
 
 
 def _not_read(frames: LeRobotFrames) -> Iterator[EncoderFinding]:
@@ -145,7 +148,7 @@ def _terms(command: Array, torque: Array, side: Array, time: Array, in_episode: 
 def _select(error: Array, terms: list[_Term], tried: int) -> tuple[list[tuple[_Term, float, float]], Array]:
     """Forward selection: terms with their coefficients and p values (times `tried`), and the residual (R,)."""
     count, chosen, p_values = len(error), list[_Term](), list[float]()
-    left, coefficients = error, np.empty(0)
+    unexplained, coefficients = error, np.empty(0)
     while len(chosen) < MOST_TERMS:
         columns = np.stack([term.column for term in chosen], axis=1) if chosen else np.empty((count, 0))
         fits = [_fit(np.column_stack([columns, term.column]), error) for term in terms]
@@ -154,13 +157,13 @@ def _select(error: Array, terms: list[_Term], tried: int) -> tuple[list[tuple[_T
         ]
         best = int(np.argmin(costs))
         after = fits[best][1]
-        p = tried * f_test_p_value(float(left @ left), float(after @ after), 1, count - len(chosen) - 1)
+        p = tried * f_test_p_value(float(unexplained @ unexplained), float(after @ after), 1, count - len(chosen) - 1)
         if not p < SIGNIFICANT:
             break
         chosen.append(terms[best])
         p_values.append(p)
-        coefficients, left = fits[best]
-    return list(zip(chosen, coefficients.tolist(), p_values, strict=True)), left
+        coefficients, unexplained = fits[best]
+    return list(zip(chosen, coefficients.tolist(), p_values, strict=True)), unexplained
 
 
 def _fit(columns: Array, error: Array) -> tuple[Array, Array]:
@@ -172,11 +175,11 @@ def _fit(columns: Array, error: Array) -> tuple[Array, Array]:
 
 def _finding(joint: int, cause: Term, named: list[tuple[_Term, float, float]]) -> EncoderFinding | None:
     """A cause by all of its terms at a joint; None without any. Several exponentials are one drift."""
-    own = [(term, c, p) for term, c, p in named if term.cause == cause]
-    if not own:
+    terms_of_cause = [(term, c, p) for term, c, p in named if term.cause == cause]
+    if not terms_of_cause:
         return None
-    first, c, p = own[0]
-    made = sum((c * term.column for term, c, _ in own), np.zeros(len(first.column)))
+    first, c, p = terms_of_cause[0]
+    made = sum((c * term.column for term, c, _ in terms_of_cause), np.zeros(len(first.column)))
     size = np.abs(made).max() if cause in ("offset", "droop", "gain") else np.ptp(made)
     slope = {"droop": abs(c), "gain": 1.0 + c}.get(cause, 0.0)
     return EncoderFinding(joint, cause, float(size), slope, 1 if c > 0.0 else -1, first.rest, min(p, 1.0))
@@ -185,16 +188,16 @@ def _finding(joint: int, cause: Term, named: list[tuple[_Term, float, float]]) -
 def last_sides(frames: LeRobotFrames) -> Array:
     """(N, n), sign of each joint's last turn by more than `TURN`; 0 before the first of an episode."""
     side = np.zeros_like(frames.command)
-    extreme, now = frames.command[0].copy(), np.zeros(frames.command.shape[1])
+    extreme, position = frames.command[0].copy(), np.zeros(frames.command.shape[1])
     for row, command in enumerate(frames.command):
         if row and frames.episode[row] != frames.episode[row - 1]:
-            extreme, now = command.copy(), np.zeros_like(now)
+            extreme, position = command.copy(), np.zeros_like(position)
         extreme = np.where(np.isnan(extreme), command, extreme)
-        extreme = np.where((command - extreme) * now > 0.0, command, extreme)  # it goes on
+        extreme = np.where((command - extreme) * position > 0.0, command, extreme)  # it goes on
         turned = np.abs(command - extreme) > TURN
-        now = np.where(turned, np.sign(command - extreme), now)
+        position = np.where(turned, np.sign(command - extreme), position)
         extreme = np.where(turned, command, extreme)
-        side[row] = now
+        side[row] = position
     return side
 
 

@@ -207,18 +207,18 @@ def _rests(
         fit = int((t[-1] - order.times.first) // order.times.every) + 1
         return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell), driven
     tip = take.pair(order.tool, order.base).tip
-    found = still_rests(t, tip, order.dwell)
-    left = found[order.skip :]
-    if count is None and not left:
+    stops = still_rests(t, tip, order.dwell)
+    stops_kept = stops[order.skip :]
+    if count is None and not stops_kept:
         raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
-    if driven is None or len(left) == count:
-        return left, driven
-    ends = np.array([t[rows[-1]] for rows in left])
-    if driven.t is not None and len(left) and (same := rows_of_same_time(ends, driven.t, order.dwell)):
+    if driven is None or len(stops_kept) == count:
+        return stops_kept, driven
+    ends = np.array([t[rows[-1]] for rows in stops_kept])
+    if driven.t is not None and len(stops_kept) and (same := rows_of_same_time(ends, driven.t, order.dwell)):
         rests, rows = same
-        said = f"the tip rests {len(left)} times, there are {count} poses: {len(rows)} go together by their times"
+        said = f"the tip rests {len(stops_kept)} times, there are {count} poses: {len(rows)} go together by their times"
         kept = driven.at_rests(rests) if len(rests) == count else driven.take(rows)
-        return [left[k] for k in rests], replace(kept, notices=(*driven.notices, said))
+        return [stops_kept[k] for k in rests], replace(kept, notices=(*driven.notices, said))
     if seen := _with_hidden(t, tip, order.dwell, order.skip, len(driven.q)):
         return seen, driven
     skipped = f", {order.skip} of them skipped" if order.skip else ""
@@ -232,7 +232,7 @@ def _rests(
         "",
     )
     raise LrmError(
-        f"the tip rests {len(found)} times{skipped}, there are {count} poses; {fits}give --skip for rests before the "
+        f"the tip rests {len(stops)} times{skipped}, there are {count} poses; {fits}give --skip for rests before the "
         "first pose, --every and --first for rests at regular times, or their times to the poses (t_s); a rest lasts "
         f"{2.0 * order.dwell:g} s (twice --dwell) or more" + "".join(f" ({doubt})" for doubt in driven.notices)
     )

@@ -148,15 +148,15 @@ def _as_the_arm_counts(arm: Arm, frames: LeRobotFrames, percent: NDArray[np.bool
     """
     rules = [convention_of(arm, np.where(percent, 0.0, angles)) for angles in (frames.command, frames.feedback)]
     rule = rules[0]
-    if rule is None or any(one is None or one.words != rule.words for one in rules):
+    if rule is None or any(calibration is None or calibration.words != rule.words for calibration in rules):
         return frames
-    own = replace(rule, sign=np.where(percent, 1.0, rule.sign), added=np.where(percent, 0.0, rule.added))
+    rule_here = replace(rule, sign=np.where(percent, 1.0, rule.sign), added=np.where(percent, 0.0, rule.added))
     words = f"angles lie beyond the limits of {arm.name}, and within them if they count from {rule.words}: read so"
     return replace(
         frames,
-        command=own.applied(frames.command),
-        feedback=own.applied(frames.feedback),
-        notices=(*frames.notices, f"{words} ({own.formula(arm)})"),
+        command=rule_here.applied(frames.command),
+        feedback=rule_here.applied(frames.feedback),
+        notices=(*frames.notices, f"{words} ({rule_here.formula(arm)})"),
     )
 
 
@@ -212,15 +212,14 @@ def read_lerobot(folder: Path, arm: Arm, frames: LeRobotFrames, dwell: float) ->
     commanded, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))
     sd = float(max(scatter, np.radians(LEAST_SD_DEG)))
     _, alike, mistakes = read_alike(commanded, read)
-    turned = [one.joint for one in mistakes if one.mistake == "full turn"]
+    turned = [misread.joint for misread in mistakes if misread.mistake == "full turn"]
     read[:, turned] = alike[:, turned]
     commanded, read, beyond = within_limits(arm, commanded, read)
-    for one in beyond:
-        if one.mistake == "limits":
-            joint, worst = arm.joints[one.joint], np.degrees(one.size)
-            what = (
-                f"{joint_labels(arm)[one.joint]} stands up to {worst:.0f} deg beyond its limits, at {one.rests} stops"
-            )
+    for beyond_limit in beyond:
+        if beyond_limit.mistake == "limits":
+            joint, worst = arm.joints[beyond_limit.joint], np.degrees(beyond_limit.size)
+            label, stops = joint_labels(arm)[beyond_limit.joint], beyond_limit.rests
+            what = f"{label} stands up to {worst:.0f} deg beyond its limits, at {stops} stops"
             right = (
                 f"{np.degrees(joint.lower):g} to {np.degrees(joint.upper):g} deg; is this its arm file and its zero?"
             )

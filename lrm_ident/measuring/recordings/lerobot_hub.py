@@ -49,8 +49,8 @@ def _from_hub(name: str, home: Path, patterns: Sequence[str]) -> Path:
     except ImportError:
         raise LrmError(f"{where}; give its folder, {INSTALL}") from None
     try:
-        found = snapshot_download(name, repo_type="dataset", cache_dir=home / "hub", allow_patterns=list(patterns))
+        folder = snapshot_download(name, repo_type="dataset", cache_dir=home / "hub", allow_patterns=list(patterns))
     except Exception as error:  # whatever the Hub, its client or the network make of it
         why = (" ".join(str(error).split()) or type(error).__name__)[:200]
         raise LrmError(f"{where}; from the Hub it cannot be fetched ({why})") from None
-    return Path(found)
+    return Path(folder)

@@ -31,13 +31,13 @@ MOST = 5
 def camera_named(folder: Path, name: str) -> str:
     """The feature of a camera, by its whole name or its end. Raises `FileError`: no videos; `UnknownName`: not that."""
     features = dataset_info(folder)["features"]
-    known = [key for key, one in features.items() if isinstance(one, dict) and one.get("dtype") == "video"]
-    if not known:
+    videos = [key for key, feature in features.items() if isinstance(feature, dict) and feature.get("dtype") == "video"]
+    if not videos:
         raise FileError(folder / "meta" / "info.json", "features", "the dataset has no videos")
-    for feature in known:
+    for feature in videos:
         if name in (feature, feature.rpartition(".")[2]):
             return str(feature)
-    raise UnknownName("video", name, known)
+    raise UnknownName("video", name, videos)
 
 
 def rest_pictures(
@@ -49,7 +49,7 @@ def rest_pictures(
     """
     episodes = [int(frames.episode[rows[0]]) for rows in rests]
     where, done = _located(folder, camera, set(episodes)), 0
-    for path, group in groupby(zip(episodes, rests, strict=True), lambda one: where[one[0]][0]):
+    for path, group in groupby(zip(episodes, rests, strict=True), lambda pair: where[pair[0]][0]):
         with _opened(path) as container:
             for episode, rows in group:
                 done += 1
@@ -64,12 +64,12 @@ def _mean(container: Any, path: Path, times: Array) -> Picture:
     stream = container.streams.video[0]
     slack = 0.5 / float(stream.average_rate or 30)
     container.seek(max(0, int((times[0] - slack) / stream.time_base)), stream=stream)
-    left, seen = times.tolist(), list[Any]()
+    ahead, seen = times.tolist(), list[Any]()
     for frame in container.decode(stream):
-        if left and frame.time is not None and frame.time >= left[0] - slack:
+        if ahead and frame.time is not None and frame.time >= ahead[0] - slack:
             seen.append(frame.to_ndarray(format="gray").astype(np.float32))
-            left = [t for t in left if t - slack > frame.time]
-        if not left:
+            ahead = [t for t in ahead if t - slack > frame.time]
+        if not ahead:
             return np.asarray(np.round(np.mean(seen, axis=0)), dtype=np.uint8)
     raise FileError(path, "", f"the video ends before {times[-1]:.1f} s", "are all videos of the dataset whole?")
 
@@ -82,14 +82,14 @@ def _located(folder: Path, camera: str, episodes: set[int]) -> dict[int, tuple[P
         return {n: (videos / f"chunk-{n // chunk:03d}" / camera / f"episode_{n:06d}.mp4", 0.0) for n in episodes}
     columns = [f"videos/{camera}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
     table = read_columns(folder / "meta" / "episodes", ("episode_index", *columns))
-    found = {
+    located = {
         int(n): (videos / camera / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4", float(start))
         for n, chunk, file, start in zip(*table.values(), strict=True)
         if n in episodes
     }
-    if missing := episodes - found.keys():
+    if missing := episodes - located.keys():
         raise FileError(folder / "meta" / "episodes", "episode_index", f"no episode {min(missing)}")
-    return found
+    return located
 
 
 def _opened(path: Path) -> Any:

@@ -30,16 +30,16 @@ Placed = tuple[float, tuple[float, ...]]
 
 def read_mcap(path: Path) -> RecordedTake:
     """All bodies of a file. Raises `FileError`: no MCAP file, or none of its topics has poses."""
-    found: defaultdict[str, dict[float, tuple[float, ...]]] = defaultdict(dict)
+    values_at: defaultdict[str, dict[float, tuple[float, ...]]] = defaultdict(dict)
     topics: dict[str, str] = {}
     for topic, kind, t, message in _messages(path):
         topics[topic] = kind
         for name, (at, place) in _places(topic, kind, t, message):
-            found[name][at] = place
-    if not found:
+            values_at[name][at] = place
+    if not values_at:
         raise FileError(path, "", f"has no topic of poses{_listed(topics)}", f"should be {', '.join(POSES)} or a tf")
-    times = np.array(sorted({at for track in found.values() for at in track}))
-    return RecordedTake(path, times, {name: _track(times, track) for name, track in found.items()})
+    times = np.array(sorted({at for track in values_at.values() for at in track}))
+    return RecordedTake(path, times, {name: _track(times, track) for name, track in values_at.items()})
 
 
 def read_joints(path: Path, arm: Arm, t: Array) -> Array:
@@ -79,13 +79,13 @@ def _angles(path: Path, topic: str, message: Any, arm: Arm) -> list[float]:
     """Angles by the names of the arm's joints, or in their order if these have no names."""
     names, values = list(message.name), list(message.position)
     wanted = [joint.name for joint in arm.joints]
-    known = dict(zip(names, values, strict=False))
+    by_name = dict(zip(names, values, strict=False))
     if not any(wanted) and len(values) == arm.dof:
         return [float(value) for value in values]
-    if missing := [name for name in wanted if name not in known]:
+    if missing := [name for name in wanted if name not in by_name]:
         right = f"should have {', '.join(name or '?' for name in wanted)}"
         raise FileError(path, topic, f"no joint {missing[0]} among {', '.join(names)}", right)
-    return [float(known[name]) for name in wanted]
+    return [float(by_name[name]) for name in wanted]
 
 
 def _places(topic: str, kind: str, t: float, message: Any) -> Iterator[tuple[str, Placed]]:
@@ -95,11 +95,11 @@ def _places(topic: str, kind: str, t: float, message: Any) -> Iterator[tuple[str
         stamp = message.timestamp if kind == "PoseInFrame" else message.header.stamp
         yield topic, (_stamped(stamp, t), _numbers(pose.position, pose.orientation))
     elif kind in TRANSFORMS:
-        for one in getattr(message, "transforms", [message]):
-            ros = hasattr(one, "transform")
-            placed = one.transform if ros else one
-            stamp = one.header.stamp if ros else one.timestamp
-            yield one.child_frame_id, (_stamped(stamp, t), _numbers(placed.translation, placed.rotation))
+        for transform in getattr(message, "transforms", [message]):
+            ros = hasattr(transform, "transform")
+            placed = transform.transform if ros else transform
+            stamp = transform.header.stamp if ros else transform.timestamp
+            yield transform.child_frame_id, (_stamped(stamp, t), _numbers(placed.translation, placed.rotation))
 
 
 def _numbers(place: Any, turn: Any) -> tuple[float, ...]:

@@ -51,16 +51,16 @@ class Misreading:
 
 def read_alike(command: Array, state: Array) -> tuple[Array, Array, tuple[Misreading, ...]]:
     """Command and state (R, n), rad, at R rests as they agree best, and what was mistaken where they did not."""
-    command, state, found = command.copy(), state.copy(), list[Misreading]()
+    command, state, misreadings = command.copy(), state.copy(), list[Misreading]()
     for joint in range(command.shape[1]):
-        one = _alone(joint, command[:, joint], state[:, joint])
-        if one is not None:
-            mistake, command[:, joint], state[:, joint] = one
-            found.append(mistake)
+        misread = _alone(joint, command[:, joint], state[:, joint])
+        if misread is not None:
+            mistake, command[:, joint], state[:, joint] = misread
+            misreadings.append(mistake)
     exchanged = list(_exchanged(command, state))
-    columns = [one.joint for one in exchanged]
-    state[:, columns] = state[:, [one.other for one in exchanged if one.other is not None]]
-    return command, state, (*found, *exchanged)
+    columns = [misread.joint for misread in exchanged]
+    state[:, columns] = state[:, [misread.other for misread in exchanged if misread.other is not None]]
+    return command, state, (*misreadings, *exchanged)
 
 
 def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array, Array] | None:
@@ -69,16 +69,16 @@ def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array,
     largest, count = float(np.abs(error).max()), len(error)
     turns = np.round(error / FULL_TURN)
     if turns.any() and _rms(error - FULL_TURN * turns) < PART * _rms(error):
-        found = Misreading(joint, "full turn", largest, int(np.count_nonzero(turns)))
-        return found, command, state - FULL_TURN * turns
+        turned = Misreading(joint, "full turn", largest, int(np.count_nonzero(turns)))
+        return turned, command, state - FULL_TURN * turns
     missed = float(error.std())
     if missed < MISSED:
         return None
     if np.std(state + command) < PART * missed:
         return Misreading(joint, "reversed", largest, count), -command, state
     still = bool(np.std(state) < STILL and np.std(command) > MOVING)
-    left, what, command_so, state_so = min(_other_units(command, state, still), key=lambda found: found[0])
-    if left < PART * missed:
+    residual, what, command_so, state_so = min(_other_units(command, state, still), key=lambda reading: reading[0])
+    if residual < PART * missed:
         return Misreading(joint, "unit", largest, count, what=what), command_so, state_so
     stuck = 0 if still else _still_from(command, state)
     if stuck is None:
@@ -125,16 +125,18 @@ def within_limits(arm: Arm, command: Array, state: Array) -> tuple[Array, Array,
     turn = np.sign(state) * FULL_TURN
     outside = (state < low - BEYOND) | (state > high + BEYOND)
     turned = outside & (state - turn >= low - BEYOND) & (state - turn <= high + BEYOND)
-    found = []
+    misreadings = []
     for joint in range(arm.dof):
         back, gone = turned[:, joint], (outside & ~turned)[:, joint]
         if back.any():
-            found.append(Misreading(joint, "full turn", FULL_TURN, int(back.sum()), what="command and encoder both"))
+            misreadings.append(
+                Misreading(joint, "full turn", FULL_TURN, int(back.sum()), what="command and encoder both")
+            )
         if gone.any():
             past = np.maximum(low[joint] - state[:, joint], state[:, joint] - high[joint])
-            found.append(Misreading(joint, "limits", float(past[gone].max()), int(gone.sum())))
+            misreadings.append(Misreading(joint, "limits", float(past[gone].max()), int(gone.sum())))
     back = np.where(turned, turn, 0.0)
-    return command - back, state - back, tuple(found)
+    return command - back, state - back, tuple(misreadings)
 
 
 def _rms(values: Array) -> float:

@@ -51,8 +51,10 @@ def _only(path: Path, columns: int) -> Array:
         if getattr(value, "ndim", 0) == 2 and value.shape[1] == columns and np.issubdtype(value.dtype, np.number)
     ]
     if len(fitting) != 1:
-        found = ", ".join(f"{name} {'x'.join(map(str, np.shape(value)))}" for name, value in named.items()) or "nothing"
-        raise FileError(path, "", f"has {found}", f"should have one array with {columns} columns")
+        contents = (
+            ", ".join(f"{name} {'x'.join(map(str, np.shape(value)))}" for name, value in named.items()) or "nothing"
+        )
+        raise FileError(path, "", f"has {contents}", f"should have one array with {columns} columns")
     values = np.asarray(named[fitting[0]], dtype=np.float64)
     if not len(values) or not np.isfinite(values).all():
         raise FileError(path, fitting[0], "is empty, or has numbers that are not finite")

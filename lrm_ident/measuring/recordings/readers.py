@@ -68,22 +68,22 @@ class RecordingReader:
 
 
 READERS = (
-    RecordingReader("an MCAP file", lambda one: one.path.suffix == MCAP, lambda one: read_mcap(one.path)),
+    RecordingReader("an MCAP file", lambda file: file.path.suffix == MCAP, lambda file: read_mcap(file.path)),
     RecordingReader(
-        "DTrack's ASCII output", lambda one: is_dtrack(one.text), lambda one: dtrack_take(one.path, one.text)
+        "DTrack's ASCII output", lambda file: is_dtrack(file.text), lambda file: dtrack_take(file.path, file.text)
     ),
     RecordingReader(
-        "a CSV of OptiTrack Motive", lambda one: one.begin == MOTIVE, lambda one: motive_take(one.path, one.cells)
+        "a CSV of OptiTrack Motive", lambda file: file.begin == MOTIVE, lambda file: motive_take(file.path, file.cells)
     ),
     RecordingReader(
         "a CSV of Vicon Tracker or Nexus",
-        lambda one: one.begin in TITLES,
-        lambda one: vicon_take(one.path, one.cells, one.rotation),
+        lambda file: file.begin in TITLES,
+        lambda file: vicon_take(file.path, file.cells, file.rotation),
     ),
     RecordingReader(
         f"a CSV with {', '.join(PLAIN)}",
-        lambda one: bool(one.cells) and {*PLAIN} <= {*one.cells[0]},
-        lambda one: plain_take(one.path, one.cells),
+        lambda file: bool(file.cells) and {*PLAIN} <= {*file.cells[0]},
+        lambda file: plain_take(file.path, file.cells),
     ),
 )
 FORMATS = f"{', '.join(reader.name for reader in READERS[:-1])}, or {READERS[-1].name}"
@@ -99,7 +99,7 @@ def read_take(path: Path, rotation: str | None = None) -> RecordedTake:
     Raises `FileError`: none of `FORMATS`; other units, no body, sections of different lengths.
     """
     file = RecordingFile(path, rotation)
-    reader = next((one for one in READERS if one.recognises(file)), None)
+    reader = next((entry for entry in READERS if entry.recognises(file)), None)
     if reader is None:
         right = f"should be a .mat file of positions, {FORMATS}"
         raise FileError(path, "line 1", f"begins with '{file.begin[:30]}'", right)

@@ -88,8 +88,8 @@ class BodyPair:
 def matrices(quaternions: Array) -> Array:
     """(N, 3, 3) of quaternions (N, 4), x, y, z, w; NaN where one is, or is zero."""
     length = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    known = (length > 0.0) & np.isfinite(length)
-    return rotation_matrix(np.roll(quaternions, 1, axis=1) / np.where(known, length, np.nan))
+    valid = (length > 0.0) & np.isfinite(length)
+    return rotation_matrix(np.roll(quaternions, 1, axis=1) / np.where(valid, length, np.nan))
 
 
 def _seen(bodies: Mapping[int, BodyTrack], row: int) -> dict[int, TargetPose]:
@@ -112,16 +112,16 @@ class TipTrack:
     @staticmethod
     def of(path: Path, pair: BodyPair) -> TipTrack:
         """The tip of a pair of bodies. Raises `FileError`: it was hardly seen, or times do not ascend."""
-        known = np.isfinite(pair.tip).all(axis=1)
-        if known.sum() < LEAST_FRAMES:
+        measured = np.isfinite(pair.tip).all(axis=1)
+        if measured.sum() < LEAST_FRAMES:
             raise FileError(
-                path, "", f"{int(known.sum())} frames in which the tip was seen", f"{LEAST_FRAMES} at least"
+                path, "", f"{int(measured.sum())} frames in which the tip was seen", f"{LEAST_FRAMES} at least"
             )
-        t = pair.t[known]
+        t = pair.t[measured]
         if (np.diff(t) <= 0.0).any():
             row = 1 + int(np.argmax(np.diff(t) <= 0.0))
             raise FileError(path, f"frame {row + 1}", "its time is not after that of the frame before")
-        return TipTrack(path, t, pair.tip[known])
+        return TipTrack(path, t, pair.tip[measured])
 
     @property
     def frame_s(self) -> float:

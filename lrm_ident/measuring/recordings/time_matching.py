@@ -17,8 +17,8 @@ def rows_of_same_time(rests: Array, poses: Array, tolerance: float) -> tuple[Row
     partners: at regular times it is not known at which end the missing ones were.
     """
     if len(rests) < len(poses):
-        found = rows_of_same_time(poses, rests, tolerance)
-        return None if found is None else found[::-1]
+        matched = rows_of_same_time(poses, rests, tolerance)
+        return None if matched is None else matched[::-1]
     ways: dict[bytes, Rows] = {}
     for shift in rests[: len(rests) - len(poses) + 1] - poses[0]:
         off = np.abs(rests - (poses[:, None] + shift))

@@ -121,10 +121,10 @@ def vicon_take(path: Path, cells: Cells, rotation: str | None) -> RecordedTake:
     begins = [k for k, row in enumerate(cells) if row[0] in TITLES]
     t, bodies = None, dict[str, BodyTrack]()
     for begin, end in zip(begins, [*begins[1:], len(cells)], strict=True):
-        times, found = _section(path, [row for row in cells[begin:end] if any(row)], rotation)
+        times, sections = _section(path, [row for row in cells[begin:end] if any(row)], rotation)
         if t is not None and len(times) != len(t):
             raise FileError(path, cells[begin][0], f"{len(times)} frames, the section before has {len(t)}")
-        t, bodies = times, {**found, **bodies}
+        t, bodies = times, {**sections, **bodies}
     assert t is not None
     if not bodies:
         raise FileError(path, "header", "no body with a position")
@@ -172,12 +172,12 @@ def _body(path: Path, rows: Cells, axes: Mapping[str, int], position: Array, rot
     unit = rows[4][axes["RX"]]
     if unit not in ("deg", "rad"):
         raise FileError(path, "units of the rotations", f"'{unit}'", "should be deg or rad")
-    known = np.isfinite(turn).all(axis=1)
+    measured = np.isfinite(turn).all(axis=1)
     out = np.full((len(turn), 3, 3), np.nan)
-    angles = turn[known] * (np.pi / 180.0 if unit == "deg" else 1.0)
-    if known.any():
+    angles = turn[measured] * (np.pi / 180.0 if unit == "deg" else 1.0)
+    if measured.any():
         turned = Rotation.from_rotvec(angles) if rotation == "helical" else Rotation.from_euler("XYZ", angles)
-        out[known] = turned.as_matrix()
+        out[measured] = turned.as_matrix()
     return BodyTrack(position, out)
 
 

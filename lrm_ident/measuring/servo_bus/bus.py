@@ -65,11 +65,11 @@ class ServoHost:
         One checksum would still be right for three pairs of angles in a hundred; with the bytes of the angle asked for
         one by one, none is. Raises `NoAnswer`, or `GarbledAnswer`.
         """
-        found = b""
+        read = b""
         at = self.kind.position.address
         for address, length in ((at, 1), (at + 1, 1), (0, self.kind.last_read)):
-            found = _with_retries(partial(self._read, number, address, length))
-        return found
+            read = _with_retries(partial(self._read, number, address, length))
+        return read
 
     def read_all(self, numbers: Sequence[int], register: Register) -> dict[int, int]:
         """Values of a register of several servos, asked for in one packet. Raises `NoAnswer`."""
@@ -126,7 +126,7 @@ class ServoHost:
 
     def _heard(self, question: Packet, numbers: Sequence[int], patience: float) -> dict[int, Answer]:
         """Answers of servos within a time (s); an adapter that hands back what was sent is listened through."""
-        found: dict[int, Answer] = {}
+        answers_by_id: dict[int, Answer] = {}
         self.forget_late_answers()
         with _line_is_there():
             self.line.write(question.encoded())
@@ -135,10 +135,10 @@ class ServoHost:
                 came = self.line.read(max(1, self.line.in_waiting))
                 heard += came
                 answers = [packet.answer for packet in reader.feed(came) if packet != question]
-                found |= {answer.id: answer for answer in answers if answer is not None}
-                if all(number in found for number in numbers):
-                    return found
-        silent = next(number for number in numbers if number not in found)
+                answers_by_id |= {answer.id: answer for answer in answers if answer is not None}
+                if all(number in answers_by_id for number in numbers):
+                    return answers_by_id
+        silent = next(number for number in numbers if number not in answers_by_id)
         if heard.removeprefix(question.encoded()):
             raise GarbledAnswer(f"the answer of servo {silent} is garbled")
         raise NoAnswer(f"servo {silent} does not answer")

@@ -70,13 +70,13 @@ class BusServos:
 
     def settings(self) -> ServoSettings:
         """See `Servos`."""
-        kind, found = self.host.kind, ServoSettings()
+        kind, stored = self.host.kind, ServoSettings()
         for joint, number in zip(self.joints, self.numbers, strict=True):
             memory = self.host.memory(number)
             values = {name: factor * register.read(memory) for name, (register, factor) in kind.settings.items()}
             version = ".".join(str(register.read(memory)) for register in kind.firmware)
-            found[joint] = JointServoSettings(**values, firmware=version)
-        return found
+            stored[joint] = JointServoSettings(**values, firmware=version)
+        return stored
 
     def bound_torque(self, share: float) -> None:
         """See `Servos`."""
@@ -99,8 +99,8 @@ class BusServos:
 
     def _read(self, register: Register) -> dict[str, int]:
         """Values of a register by joint, in their order. Raises `NoAnswer`."""
-        found = self.host.read_all(self.numbers, register)
-        return {joint: found[number] for joint, number in zip(self.joints, self.numbers, strict=True)}
+        values = self.host.read_all(self.numbers, register)
+        return {joint: values[number] for joint, number in zip(self.joints, self.numbers, strict=True)}
 
 
 @contextmanager

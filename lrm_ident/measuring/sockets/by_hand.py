@@ -114,10 +114,10 @@ def _still(servos: LimpServos, sleep: Callable[[float], object]) -> tuple[float,
     return tuple(np.mean(readings, axis=0).tolist())
 
 
-def points_to_touch(names: str, known: Sequence[str]) -> list[str]:
+def points_to_touch(names: str, points: Sequence[str]) -> list[str]:
     """Names of sockets by commas, or those known. Raises `LrmError`: there are none, one stands twice, or is a
     word that means something else."""
-    chosen = [word.strip() for word in names.split(",") if word.strip()] or list(known)
+    chosen = [word.strip() for word in names.split(",") if word.strip()] or list(points)
     if not chosen or len(set(chosen)) < len(chosen) or {END, NEXT} & {*chosen}:
         raise LrmError(f"--points {names}: should be names of sockets by commas, each once, such as A,B,C,D,E")
     return chosen

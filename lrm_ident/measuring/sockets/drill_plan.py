@@ -22,10 +22,10 @@ def drill_plan(board: SocketBoard, paper: str) -> bytes:
 
 def _drawing(board: SocketBoard, width: float, height: float) -> Iterator[str]:
     """Operators of the page; lengths in mm."""
-    left, bottom = (width - board.length_mm) / 2.0, height - 2 * MARGIN - board.width_mm
+    x_left, bottom = (width - board.length_mm) / 2.0, height - 2 * MARGIN - board.width_mm
     yield "0.15 w"
     for name, (x, y, _) in board.points.items():
-        at_x, at_y = left + x, bottom + y
+        at_x, at_y = x_left + x, bottom + y
         yield f"{at_x - CROSS:.4f} {at_y:.4f} m {at_x + CROSS:.4f} {at_y:.4f} l S"
         yield f"{at_x:.4f} {at_y - CROSS:.4f} m {at_x:.4f} {at_y + CROSS:.4f} l S"
         yield words_at(at_x + 2.0, at_y + 2.0, name)

@@ -25,8 +25,8 @@ Ring = Sequence[tuple[float, float, float]]
 
 def triangles(board: SocketBoard) -> Array:
     """(T, 3, 3), corners of the triangles of its surface (mm), seen from outside counterclockwise."""
-    found = [triangle for row in range(ROWS) for column in range(COLUMNS) for triangle in _tile(board, column, row)]
-    return np.array([*found, *_sides(board)])
+    tiles = [triangle for row in range(ROWS) for column in range(COLUMNS) for triangle in _tile(board, column, row)]
+    return np.array([*tiles, *_sides(board)])
 
 
 def stl(board: SocketBoard) -> bytes:

@@ -162,7 +162,8 @@ def plan_touches(
         raise LrmError(f"{what}, not at {placements}; make a smaller board (sockets board --length-mm, --width-mm)")
     of_each = [problem.reduced(touches) * (count / placements) for touches in possible]
     best = min(
-        combinations(range(len(possible)), placements), key=lambda own: problem.error(sum(of_each[k] for k in own))
+        combinations(range(len(possible)), placements),
+        key=lambda chosen: problem.error(sum(of_each[k] for k in chosen)),
     )
     return problem.plan([possible[k] for k in best], count)
 
@@ -188,8 +189,8 @@ class _Problem:
         model, rng = nominal_model(arm, DEFAULT_EFFECTS), np.random.default_rng(seed)
         keys = tuple(key for key in model.keys if ParameterRef.parse(key).effect != BASE_OFFSETS)
         free = model.with_free(keys)
-        known = typical_prior(free)
-        sd = dict(zip(known.keys, np.sqrt(np.diag(known.covariance)), strict=True))
+        prior_information = typical_prior(free)
+        sd = dict(zip(prior_information.keys, np.sqrt(np.diag(prior_information.covariance)), strict=True))
         prior = np.diag([sd.get(key, np.inf) ** -2.0 for key in keys])
         low, high = (0.8 * np.array([getattr(joint, end) for joint in arm.joints]) for end in ("lower", "upper"))
         settled = solve_equilibrium(free, poses_of(rng.uniform(low, high, (FRESH, arm.dof))))
@@ -205,13 +206,13 @@ class _Problem:
         if np.linalg.norm(goals, axis=1).max() > reach(self.arm) or goals[:, 2].min() < (self.arm.table or 0.0) - MM:
             return None
         q = postures(self.arm, goals, T[:3, 2], self.rng)
-        found = ~np.isnan(q[:, 0])
-        reached = tuple(name for name, there in zip(names, found, strict=True) if there)
-        if found.mean() < REACHABLE or {*reached} != {*points}:
+        is_reached = ~np.isnan(q[:, 0])
+        reached = tuple(name for name, there in zip(names, is_reached, strict=True) if there)
+        if is_reached.mean() < REACHABLE or {*reached} != {*points}:
             return None
-        settled = solve_equilibrium(nominal_model(self.arm, DEFAULT_EFFECTS), poses_of(q[found]))
+        settled = solve_equilibrium(nominal_model(self.arm, DEFAULT_EFFECTS), poses_of(q[is_reached]))
         columns = np.concatenate([parameter_jacobian(settled, self.keys), _rigid(settled.tcp)], axis=2)
-        return _Touches(placement, q[found], reached, columns)
+        return _Touches(placement, q[is_reached], reached, columns)
 
     def reduced(self, touches: _Touches) -> Array:
         """(P, P), mean information of a touch (1/m²) on the arm, without what it tells of the placement."""
@@ -238,17 +239,17 @@ class _Problem:
             block[:, :, P + 6 * number : P + 6 * number + 6] = touches.columns[:, :, P:]
             blocks.append(block / self.noise)
         columns = np.concatenate(blocks)
-        known = np.zeros((width, width))
-        known[:P, :P] = self.prior
-        known[range(P, width), range(P, width)] = PLACE_SD**-2.0
+        information = np.zeros((width, width))
+        information[:P, :P] = self.prior
+        information[range(P, width), range(P, width)] = PLACE_SD**-2.0
         where = np.concatenate([np.full(len(touches.q), number) for number, touches in enumerate(chosen, start=1)])
         counts = {count, *(each for each in COUNTS if LEAST * len(chosen) <= each <= len(columns))}
-        best = {each: exchange(columns, each, starts=2, prior_information=known).rows for each in counts}
+        best = {each: exchange(columns, each, starts=2, prior_information=information).rows for each in counts}
         rows = self.rng.permutation(best[count])
         rows = rows[np.argsort(where[rows], kind="stable")]
         names = [name for touches in chosen for name in touches.points]
         drawn = [self.rng.choice(len(where), count, replace=False) for _ in range(RANDOM_DRAWS)]
-        errors = [self._error_of(columns[each], known) for each in (rows, *drawn)]
+        errors = [self._error_of(columns[each], information) for each in (rows, *drawn)]
         return TouchPlan(
             placements=tuple(touches.placement for touches in chosen),
             q=np.concatenate([touches.q for touches in chosen])[rows],
@@ -256,35 +257,35 @@ class _Problem:
             placement=tuple(where[rows].tolist()),
             tip_error=errors[0],
             random_tip_error=float(np.median(errors[1:])),
-            tracker_error=self._error_of(_in_one_frame(columns[rows], P), known[: P + 6, : P + 6]),
-            error_of={each: self._error_of(columns[best[each]], known) for each in sorted(best)},
+            tracker_error=self._error_of(_in_one_frame(columns[rows], P), information[: P + 6, : P + 6]),
+            error_of={each: self._error_of(columns[best[each]], information) for each in sorted(best)},
         )
 
-    def _error_of(self, columns: Array, known: Array) -> float:
+    def _error_of(self, columns: Array, information: Array) -> float:
         P = len(self.keys)
         A = columns.reshape(-1, columns.shape[2])
-        M = A.T @ A + known
+        M = A.T @ A + information
         return self.error(M[:P, :P] - M[:P, P:] @ np.linalg.solve(M[P:, P:], M[P:, :P]) - self.prior)
 
 
 def postures(arm: Arm, goals: Array, up: Array, rng: np.random.Generator) -> Array:
     """(N, n), rad, random postures of the arm as drawn at goals (N, 3), m, its tool into sockets of axis (3,) and its
     wrist above the table; NaN where none was found."""
-    model, out, left = model_of(arm, ()), np.full((len(goals), arm.dof), np.nan), np.arange(len(goals))
+    model, out, unsolved = model_of(arm, ()), np.full((len(goals), arm.dof), np.nan), np.arange(len(goals))
     low, high = (np.array([getattr(joint, end) for joint in arm.joints]) for end in ("lower", "upper"))
     for _ in range(TRIES):
-        q = rng.uniform(WITHIN * low, WITHIN * high, (len(left), arm.dof))
+        q = rng.uniform(WITHIN * low, WITHIN * high, (len(unsolved), arm.dof))
         for _ in range(STEPS):
             settled = solve_equilibrium(model, poses_of(q))
-            step = np.linalg.pinv(joint_jacobian(settled), rcond=0.05) @ (goals[left] - settled.tcp)[:, :, None]
+            step = np.linalg.pinv(joint_jacobian(settled), rcond=0.05) @ (goals[unsolved] - settled.tcp)[:, :, None]
             q = np.clip(q + np.clip(step[:, :, 0], -LONGEST_STEP, LONGEST_STEP), low, high)
         T = frames(model.chain, model.chain.values([*np.ascontiguousarray(q.T)]), len(q))
-        good = np.linalg.norm(goals[left] - T[:, -1, :3, 3], axis=1) < REACHED
+        good = np.linalg.norm(goals[unsolved] - T[:, -1, :3, 3], axis=1) < REACHED
         good &= -T[:, -1, :3, 2] @ up > INTO
         good &= T[:, -1 - WRIST : -1, 2, 3].min(axis=1) > (arm.table or 0.0) + ABOVE_TABLE
-        out[left[good]] = q[good]
-        left = left[~good]
-        if not len(left):
+        out[unsolved[good]] = q[good]
+        unsolved = unsolved[~good]
+        if not len(unsolved):
             break
     return out
 

@@ -91,16 +91,16 @@ def parse_dtrack(data: bytes) -> TrackerFrame | None:
     if not re.fullmatch(r"\d{1,18}", number, re.ASCII) or t is None or seen is None:
         return None
     count, _, rest = seen.strip().partition(" ")
-    found = TARGET.findall(rest)
-    if count != str(len(found)) or TARGET.sub("", rest.strip()):
+    matches = TARGET.findall(rest)
+    if count != str(len(matches)) or TARGET.sub("", rest.strip()):
         return None
-    targets = {int(name): _target(quality, place, turn) for name, quality, place, turn in found}
+    targets = {int(name): _target(quality, place, turn) for name, quality, place, turn in matches}
     return TrackerFrame(int(number), t[0], {name: pose for name, pose in targets.items() if pose is not None})
 
 
 def _target(quality: str, at: str, turn: str) -> TargetPose | None:
-    known, position, rotation = _numbers(quality, 1), _numbers(at, 6), _numbers(turn, 9)
-    if known is None or known[0] < 0.0 or position is None or rotation is None:
+    quality_values, position, rotation = _numbers(quality, 1), _numbers(at, 6), _numbers(turn, 9)
+    if quality_values is None or quality_values[0] < 0.0 or position is None or rotation is None:
         return None
     place, R = np.array(position[:3]) * MM, np.array(rotation).reshape(3, 3).T
     near, rigid = np.abs(place).max() < FARTHEST, np.abs(R @ R.T - np.eye(3)).max() < RIGID

@@ -55,12 +55,12 @@ def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMea
     frames = list({frame.number: frame for frame in frames}.values())  # a datagram may come twice
     if len(frames) < LEAST:
         return UnstableDwell(f"only {len(frames)} different frames arrived")
-    known = [(frame.t, tip) for frame in frames if (tip := tip_position(frame, numbers)) is not None]
-    if len(frames) - len(known) > LOST_SHARE * len(frames):
+    seen = [(frame.t, tip) for frame in frames if (tip := tip_position(frame, numbers)) is not None]
+    if len(frames) - len(seen) > LOST_SHARE * len(frames):
         return UnstableDwell(
-            f"target {_most_lost(frames, numbers)} unseen in {len(frames) - len(known)} of {len(frames)}"
+            f"target {_most_lost(frames, numbers)} unseen in {len(frames) - len(seen)} of {len(frames)}"
         )
-    tips = np.array([tip for _, tip in known])
+    tips = np.array([tip for _, tip in seen])
     if max(len(list(same)) for _, same in groupby(tips.tolist())) >= FROZEN:
         return UnstableDwell("frozen: exactly the same position again and again")
     away = np.linalg.norm(tips - np.median(tips, axis=0), axis=1)
@@ -75,7 +75,7 @@ def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMea
         return UnstableDwell(f"still moving: {in_mm(shift)} mm between the halves of the rest")
     turned = [turn for frame in frames if (turn := tool_rotation_seen(frame, numbers)) is not None]
     rotation, turn_sd = mean_rotation(np.array(turned)) if len(turned) >= LEAST else (None, None)
-    return RestMean(mean, sd, float(np.mean([t for t, _ in known])), len(known), rotation, turn_sd)
+    return RestMean(mean, sd, float(np.mean([t for t, _ in seen])), len(seen), rotation, turn_sd)
 
 
 def mean_rotation(rotations: Array) -> tuple[Array, float]:

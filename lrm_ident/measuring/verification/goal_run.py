@@ -59,33 +59,33 @@ class Verification:
         """Distances of the tip from the goals. Raises `LrmError` if no goal was reached."""
         if not self.attained:
             raise LrmError(f"no goal was reached; {next(iter(self.failed.values()), 'there was none')}")
-        return error_stats(np.array([np.subtract(one.tip, one.goal) for one in self.attained]))
+        return error_stats(np.array([np.subtract(goal.tip, goal.goal) for goal in self.attained]))
 
     @property
     def predicted(self) -> float | None:
         """RMS of the error that is expected: rounding, and `sd`; None without a covariance."""
-        known = [(one.rounding, one.sd) for one in self.attained if one.sd is not None]
-        return float(np.sqrt(np.mean(np.square(known).sum(axis=1)))) if known else None
+        stated = [(goal.rounding, goal.sd) for goal in self.attained if goal.sd is not None]
+        return float(np.sqrt(np.mean(np.square(stated).sum(axis=1)))) if stated else None
 
     @property
     def turn(self) -> float | None:
         """RMS of the angles between the tool and the goals' orientations (rad); None where none is known."""
-        known = [one.turn for one in self.attained if one.turn is not None]
-        return float(np.sqrt(np.mean(np.square(known)))) if known else None
+        turns = [goal.turn for goal in self.attained if goal.turn is not None]
+        return float(np.sqrt(np.mean(np.square(turns)))) if turns else None
 
     def at(self, place: str) -> Verification:
         """The positions attained at one place."""
-        return replace(self, attained=tuple(one for one in self.attained if one.place == place), failed={})
+        return replace(self, attained=tuple(goal for goal in self.attained if goal.place == place), failed={})
 
     @property
     def places(self) -> tuple[str, ...]:
         """The places that goals were at, each once."""
-        return tuple(dict.fromkeys(one.place for one in self.attained))
+        return tuple(dict.fromkeys(goal.place for goal in self.attained))
 
     @property
     def rounding(self) -> float:
         """RMS of the predicted error of rounding to counts."""
-        return float(np.sqrt(np.mean([one.rounding**2 for one in self.attained])))
+        return float(np.sqrt(np.mean([goal.rounding**2 for goal in self.attained])))
 
 
 @dataclass(frozen=True)
@@ -109,14 +109,14 @@ class GoalRun:
             if why := self.arm.too_warm():
                 on_attained(number, f"{why}: cooling")
                 self.arm.cool(lightest(reached, self.nominal))
-            found = self._land(number, goal)
+            outcome = self._land(number, goal)
             reached.append(self._here())
-            if isinstance(found, AttainedPosition):
-                attained.append(found)
-                on_attained(number, f"{in_mm(found.error)} mm off")
+            if isinstance(outcome, AttainedPosition):
+                attained.append(outcome)
+                on_attained(number, f"{in_mm(outcome.error)} mm off")
             else:
-                failed[number] = found
-                on_attained(number, found)
+                failed[number] = outcome
+                on_attained(number, outcome)
         return Verification(self.solver.model, self.solver.model_sha256, tuple(attained), failed)
 
     def _here(self) -> PlannedPose:

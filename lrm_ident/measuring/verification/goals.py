@@ -94,14 +94,14 @@ def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Arr
     share, rules = (HIGHEST_SHARE, RULES) if area is None else (1.0, TASK_RULES)
     rng = np.random.default_rng([seed, 2])
     low, high = share * np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
-    found = np.empty((0, 3))
+    drawn = np.empty((0, 3))
     for _ in range(TRIES):
         q = rng.uniform(low, high, size=(AT_ONCE, arm.dof))
         tips = solve_equilibrium(model_of(arm, ()), poses_of(q)).tcp
         inside = np.ones(len(q), dtype=np.bool_) if area is None else area.holds(tips)
-        found = np.concatenate([found, tips[inside][keeps_rules(arm, q[inside], rules)]])
-        if len(found) >= count:
-            return found[:count]
+        drawn = np.concatenate([drawn, tips[inside][keeps_rules(arm, q[inside], rules)]])
+        if len(drawn) >= count:
+            return drawn[:count]
     where = "" if area is None else f" at the {area.name}"
     raise LrmError(f"{arm.name}: hardly any pose{where} keeps clear of everything")
 

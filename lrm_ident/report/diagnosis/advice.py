@@ -27,10 +27,10 @@ def causes_of(assessment: Assessment) -> Sequence[str]:
     effects, first = effects_of(assessment.report), assessment.first
     if first is None:
         name, others = next(iter(assessment.unsure.items()), ("", ())) if assessment.quiet else ("", ())
-        names = [one for one in (name, *others) if one in effects]
-        remembers = any(effects[one].remembers for one in names)
-        found = [one for one in names if remembers or _by_poses(effects[one])][:MOST_CAUSES]
-        return found if found[:1] == [name] else ()
+        names = [candidate for candidate in (name, *others) if candidate in effects]
+        remembers = any(effects[cause].remembers for cause in names)
+        causes = [cause for cause in names if remembers or _by_poses(effects[cause])][:MOST_CAUSES]
+        return causes if causes[:1] == [name] else ()
     stands_for = (first.name,) if assessment.term is None else variants(first.effect)
     named = dict.fromkeys((*stands_for, *first.equivalent))
     return [name for name in named if name in effects and _by_poses(effects[name])][:MOST_CAUSES]
@@ -58,7 +58,7 @@ def advice_of(report: DiagnosisReport) -> Advice | None:
     if first is None:
         present, *rivals = (effects_of(report)[name] for name in names)
         return advise_beside(diagnosis.fit.model, present, rivals, measured, _noise(diagnosis, diagnosis.fit))
-    scored = {one.name: one.scored for one in report.ranking}
+    scored = {candidate.name: candidate.scored for candidate in report.ranking}
     to_explain = float(np.linalg.norm(first.scored.added))
     causes = [CandidateCause.found(scored[name], to_explain) for name in names]
     noise = _noise(diagnosis, first.fit or diagnosis.fit)

@@ -38,16 +38,21 @@ class Assessment:
     @classmethod
     def of(cls, report: DiagnosisReport) -> Self:
         """That of a report."""
-        support, present = attribution_of(report), {one.name: one for one in report.diagnosis.fit.model.effects}
+        support, present = (
+            attribution_of(report),
+            {effect.name: effect for effect in report.diagnosis.fit.model.effects},
+        )
         rivals = report.indistinguishable.items()
-        absent = {name: [one for one in others if one not in present] for name, others in rivals if name in present}
+        absent = {
+            name: [other for other in others if other not in present] for name, others in rivals if name in present
+        }
         return cls(
             report=report,
             cause=report.first if support in (Support.POSSIBLE_CAUSE, Support.FINDING) else None,
             identified=support == Support.FINDING,
             term=report.first if support == Support.DESCRIPTION else None,
-            causes={name: one for name, one in present.items() if _may_be_missing(one)},
-            terms=[name for name, one in present.items() if one.is_free_form],
+            causes={name: effect for name, effect in present.items() if _may_be_missing(effect)},
+            terms=[name for name, effect in present.items() if effect.is_free_form],
             unsure={name: others for name, others in absent.items() if others},
         )
 

@@ -49,22 +49,22 @@ def indistinguishable_causes(assessment: Assessment) -> str:
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     """What the next best effect leaves that could be the cause; splines, which follow any cause, are none."""
-    own = {first.name, *variants(first.effect)}
+    variants_of_first = {first.name, *variants(first.effect)}
     others = [
-        one
-        for one in report.ranking
-        if one is not first
-        and one.effect.names_a_cause
-        and not one.effect.is_free_form
-        and one.name not in own
-        and not one.scored.implausible
+        candidate
+        for candidate in report.ranking
+        if candidate is not first
+        and candidate.effect.names_a_cause
+        and not candidate.effect.is_free_form
+        and candidate.name not in variants_of_first
+        and not candidate.scored.implausible
     ]
     if not others:
         return "no other known cause explains any of it"
-    best = min(others, key=lambda one: one.held_out_rms)
+    best = min(others, key=lambda candidate: candidate.held_out_rms)
     least, mark = best.held_out_rms, "" if best.exact else "≈ "
-    curves = (one for one in report.ranking if one is not first and one.effect.is_free_form)
-    if any(one.held_out_rms < least for one in curves):
+    curves = (candidate for candidate in report.ranking if candidate is not first and candidate.effect.is_free_form)
+    if any(curve.held_out_rms < least for curve in curves):
         return f"other causes leave {mark}{in_mm(least)} mm or more, splines less"
     return f"every other known cause leaves {mark}{in_mm(least)} mm or more"
 
@@ -78,13 +78,17 @@ def stands_for(report: DiagnosisReport, term: RankedCandidate) -> str:
 def acts_most_like(report: DiagnosisReport) -> str:
     """What explains most of an unexplained error, if enough to be worth a word: a free function, or a known effect that
     is not named since later poses speak against it."""
-    found, held_out = report.diagnosis.unexplained, report.held_out.rms
-    left = dict(report.functions)
-    best = found.functions[0] if found.functions else next(iter(left), None)
-    function_left = left.get(best, np.inf) if best is not None else np.inf
-    known = min(_passing(report), key=lambda one: one.held_out_rms, default=None)
-    if known is not None and known.held_out_rms < function_left and explains_part(known.held_out_rms, held_out):
-        of = f"{with_id(known.name)}, which leaves ≈ {in_mm(known.held_out_rms)} mm here"
+    diagnosis, held_out = report.diagnosis.unexplained, report.held_out.rms
+    errors_left = dict(report.functions)
+    best = diagnosis.functions[0] if diagnosis.functions else next(iter(errors_left), None)
+    function_left = errors_left.get(best, np.inf) if best is not None else np.inf
+    best_cause = min(_passing(report), key=lambda candidate: candidate.held_out_rms, default=None)
+    if (
+        best_cause is not None
+        and best_cause.held_out_rms < function_left
+        and explains_part(best_cause.held_out_rms, held_out)
+    ):
+        of = f"{with_id(best_cause.name)}, which leaves ≈ {in_mm(best_cause.held_out_rms)} mm here"
         return f"{of}. Not named, since it does not surely help at later poses"
     if best is None or not explains_part(function_left, held_out):
         return ""
@@ -94,12 +98,12 @@ def acts_most_like(report: DiagnosisReport) -> str:
 
 def _passing(report: DiagnosisReport) -> Iterator[RankedCandidate]:
     """The known effects that fit the session, and are refused for what the arm does later."""
-    for one in report.ranking:
-        why = one.reason.because
-        if why is not None and why.kind in NOT_LASTING and not one.effect.is_free_form:
-            yield one
+    for candidate in report.ranking:
+        why = candidate.reason.because
+        if why is not None and why.kind in NOT_LASTING and not candidate.effect.is_free_form:
+            yield candidate
 
 
-def explains_part(left: float, before: float) -> bool:
+def explains_part(remaining: float, before: float) -> bool:
     """Whether an effect or a function that leaves one held-out RMS of another explains enough to be worth a word."""
-    return 1.0 - (left / before) ** 2 >= PART
+    return 1.0 - (remaining / before) ** 2 >= PART

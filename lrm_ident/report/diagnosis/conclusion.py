@@ -102,9 +102,9 @@ def _lacks(assessment: Assessment, order_is_said: bool) -> Iterator[str]:
     advice = advice_of(assessment.report)
     if advice is not None and not advice.helps:
         yield hopeless_words(advice)
-    for one in assessment.report.limitations:
-        if one.kind is not LimitationKind.ORDER or not order_is_said:
-            yield limitation_sentence(one)
+    for limitation in assessment.report.limitations:
+        if limitation.kind is not LimitationKind.ORDER or not order_is_said:
+            yield limitation_sentence(limitation)
 
 
 def _facts(assessment: Assessment) -> Iterator[tuple[str, str]]:

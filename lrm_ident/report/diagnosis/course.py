@@ -81,10 +81,12 @@ def step_blocks(taken: Sequence[Step], nominal: float | None = None) -> Iterator
         rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
     if step.added:
-        known = noise_floor(step.data, step.fit.equilibrium).rms is not None
+        noise_known = noise_floor(step.data, step.fit.equilibrium).rms is not None
         present = {effect.name: effect for effect in step.fit.model.effects}
         why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
-        yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
+        yield Text(
+            f"      {explains_words(step.evidence.share, noise_known)}{why_none and '; '}{why_none}", style="dim"
+        )
         if words := other_outliers_sentence(step.data.source.left_out, taken[-2].data.source.left_out):
             yield Text(f"      {words}", style="dim")
         if scale := scale_left_open(step.added, step.fit):
@@ -98,7 +100,7 @@ def step_document(
     step: Step,
     before: ErrorSummary,
     after: ErrorSummary,
-    known: Covariance | None = None,
+    covariance: Covariance | None = None,
     files: Sequence[str] = (),
 ) -> Document:
     """Result of `lrm-ident add`, schema `lrm/step/1`.
@@ -107,14 +109,14 @@ def step_document(
         known: covariance of the parameters before the step.
         files: the new model and the data, for the next command.
     """
-    free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
+    free, count = len(step.start.free if step.start else ()), len(step.fit.model.free)
     earlier = error_blocks(before, f"Before: {free} parameters")
     said = effect if field_of(step.fit.model) is None else f"{effect}, {WHAT_A_FIELD_IS}"
-    table = error_blocks(after, f"With {said}: {now} parameters")
+    table = error_blocks(after, f"With {said}: {count} parameters")
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
-    values: dict[str, object] = {"added": effect, "parameters": now, **stats}
-    verdict = verdict_on(effect, step, before, after, known)
+    values: dict[str, object] = {"added": effect, "parameters": count, **stats}
+    verdict = verdict_on(effect, step, before, after, covariance)
     values |= {"verdict": verdict or None}
     facts = (("verdict", verdict), (TRACKERS_SCALE, scale_sentence(scale_left_open(effect, step.fit))))
     stated = tuple((label, words) for label, words in facts if words)
@@ -127,16 +129,20 @@ def step_document(
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
 
 
-def verdict_on(effect: str, step: Step, before: ErrorSummary, after: ErrorSummary, known: Covariance | None) -> str:
+def verdict_on(
+    effect: str, step: Step, before: ErrorSummary, after: ErrorSummary, covariance: Covariance | None
+) -> str:
     """Whether the data support an effect that was added, in words; empty where no held-out error tells."""
     without, with_it, start = before.held_out, after.held_out, step.start
     if start is None or without.residual is None or with_it.residual is None or not (without.blocks and with_it.blocks):
         return ""
     kind = EffectRef.parse(effect).id
-    own = [key for key in step.fit.model.free if key not in start.free and EffectRef.parse(effect_of(key)).id == kind]
-    if len(without.residual) != len(with_it.residual) or not own:
+    added_keys = [
+        key for key in step.fit.model.free if key not in start.free and EffectRef.parse(effect_of(key)).id == kind
+    ]
+    if len(without.residual) != len(with_it.residual) or not added_keys:
         return ""
-    objection = objection_to_estimates(step.fit, own, implausible_estimates(start, known))
+    objection = objection_to_estimates(step.fit, added_keys, implausible_estimates(start, covariance))
     if objection := objection or objection_to_prediction(without.blocks, with_it.blocks):
         return f"no evidence for it: {reason_words(objection)}. Undo the step unless you know the cause."
     if step.evidence.equivalent:
@@ -201,8 +207,8 @@ def course_document(
     facts = Facts((*_sizes(course), *fell, *warnings, *again, *why_not))
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
-    open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
-    sure = any(one.kind == Support.FINDING for one in attributed)
+    open_facts = tuple(fact for fact in last.facts if fact[0] in STILL_OPEN)
+    sure = any(attribution.kind == Support.FINDING for attribution in attributed)
     blocks: list[Block] = [*told, *replace(last, facts=open_facts, reasons=() if sure else last.reasons).blocks()]
     details: list[Block] = [*tables, *last.blocks(), *rest.details]
     return Document(blocks, "lrm/course/1", values, details=details, about=f"errors of the last model, {LAST}")
@@ -220,9 +226,9 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
     errors = dict(zip(fit.model.free, fit.standard_error.tolist(), strict=True))
     present = {effect.name: effect for effect in fit.model.effects}
     label = "estimate"
-    for step, one in zip(course.steps[1:], course.attributions, strict=True):
+    for step, attribution in zip(course.steps[1:], course.attributions, strict=True):
         effect = present.get(step.added)
-        if one.kind != Support.FINDING or effect is None or effect.is_free_form or not effect.about.claim:
+        if attribution.kind != Support.FINDING or effect is None or effect.is_free_form or not effect.about.claim:
             continue
         turns = usual_turns(effect, fit.equilibrium)
         words = {
@@ -266,16 +272,16 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     steps = list(zip(course.steps[1:], course.attributions, course.explained, strict=True))
 
     def named(term: AttributionTerm) -> list[Step]:
-        return [step for step, one, _ in steps if term_of(one.kind, step.evidence.equivalent) == term]
+        return [step for step, attribution, _ in steps if term_of(attribution.kind, step.evidence.equivalent) == term]
 
-    found, several, terms = named("identified cause"), named("indistinguishable cause"), named("empirical term")
-    if found:
-        title = "Identified cause" if len(found) == 1 else "Identified causes"
-        yield heading(f"{title}: {enumerate_words([with_id(step.added) for step in found], len(found))}")
+    identified, several, terms = named("identified cause"), named("indistinguishable cause"), named("empirical term")
+    if identified:
+        title = "Identified cause" if len(identified) == 1 else "Identified causes"
+        yield heading(f"{title}: {enumerate_words([with_id(step.added) for step in identified], len(identified))}")
     for step in several:
         others = enumerate_effects(step.evidence.equivalent, RIVALS_SHOWN)
         yield heading(f"Indistinguishable with these poses: {with_id(step.added)}, or {others}")
-    if steps and not found and not several:
+    if steps and not identified and not several:
         yield heading("No cause is certain. What was added corrects the error; it may stand for other causes.")
     misspecified, noise_known = course.report.misspecified, course.report.diagnosis.floor.rms is not None
     candidates = [
@@ -295,41 +301,43 @@ def _labelled(label: str, lines: Sequence[str]) -> Iterator[tuple[str, str]]:
     return ((label if number == 0 else "", words) for number, words in enumerate(lines))
 
 
-def proposal_document(found: LawProposal) -> Document:
+def proposal_document(proposal: LawProposal) -> Document:
     """Result of `lrm-ident propose`, schema `lrm/proposal/2`."""
     judged = (
-        f"{found.tried} formulas were tried at all joints. Held out, the model alone has {in_mm(found.before.rms)} mm; "
-        f"with a formula chosen anew in every block (nested) about {in_mm(found.nested)} mm. Against pure noise: "
-        f"p {p_words(found.p_value)}."
+        f"{proposal.tried} formulas were tried at all joints. Held out, the model alone has "
+        f"{in_mm(proposal.before.rms)} mm; with a formula chosen anew in every block (nested) about "
+        f"{in_mm(proposal.nested)} mm. Against pure noise: p {p_words(proposal.p_value)}."
     )
-    best = found.best
+    best = proposal.best
     values: dict[str, object] = {
-        "laws_tried": found.tried,
-        "p_value": found.p_value,
-        "held_out_before": found.before,
-        "nested_held_out_rms_mm": found.nested * 1e3,
+        "laws_tried": proposal.tried,
+        "p_value": proposal.p_value,
+        "held_out_before": proposal.before,
+        "nested_held_out_rms_mm": proposal.nested * 1e3,
         "proposed": None if best is None else {"joint": best.law.joint + 1, "formula": best.law.formula},
         "held_out": None if best is None else best.error,
-        "reason": found.reason,
-        "why": no_law_words(found),
+        "reason": proposal.reason,
+        "why": no_law_words(proposal),
         "indistinguishable_from": [
             {"joint": law.joint + 1, "formula": law.formula, "held_out_rms_mm": rms * 1e3}
-            for law, rms in found.equivalent
+            for law, rms in proposal.equivalent
         ],
-        "next_poses_deg": None if found.next_poses is None else np.degrees(found.next_poses).round(1),
+        "next_poses_deg": None if proposal.next_poses is None else np.degrees(proposal.next_poses).round(1),
     }
     if best is None:
-        return Document([heading(f"No formula is proposed: {no_law_words(found)}."), judged], "lrm/proposal/2", values)
+        return Document(
+            [heading(f"No formula is proposed: {no_law_words(proposal)}."), judged], "lrm/proposal/2", values
+        )
     blocks: list[Block] = [
         heading(f"Proposed: {best.law.formula}"),
         judged,
         f"Refitted with everything else, it leaves {in_mm(best.error.rms)} mm held out.",
     ]
-    if found.equivalent:
-        rows = [(law.formula, rms * 1e3) for law, rms in found.equivalent[:SHOWN]]
+    if proposal.equivalent:
+        rows = [(law.formula, rms * 1e3) for law, rms in proposal.equivalent[:SHOWN]]
         blocks.append(ResultTable(("formula", "held out ≈ mm|.2f"), rows, "Indistinguishable with these poses"))
-    if found.next_poses is not None and len(found.next_poses):
-        columns = ("pose|", *(f"q{i + 1}|.0f" for i in range(found.next_poses.shape[1])))
-        lines = [(number, *row) for number, row in enumerate(np.degrees(found.next_poses).tolist(), start=1)]
+    if proposal.next_poses is not None and len(proposal.next_poses):
+        columns = ("pose|", *(f"q{i + 1}|.0f" for i in range(proposal.next_poses.shape[1])))
+        lines = [(number, *row) for number, row in enumerate(np.degrees(proposal.next_poses).tolist(), start=1)]
         blocks.append(ResultTable(columns, lines, "Poses (deg) at which they differ most"))
     return Document(blocks, "lrm/proposal/2", values)

@@ -61,47 +61,47 @@ def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FI
 
 def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]:
     """Values for machines."""
-    found, squares = report.diagnosis, explained_by_first(report)
+    diagnosis, squares = report.diagnosis, explained_by_first(report)
     return {
         "conclusion": concluded,
-        "poses": len(found.data),
-        "parameters": len(found.fit.model.free),
+        "poses": len(diagnosis.data),
+        "parameters": len(diagnosis.fit.model.free),
         "error": {"fit": report.fitted, "held_out": report.held_out, "as_deployed": report.deployed},
         "noise_floor_rms_mm": _floor_mm(report),
-        "noise_floor_source": found.floor.source,
+        "noise_floor_source": diagnosis.floor.source,
         **left_values(report.patterns),
         "structure": {
-            "moran_i": found.structure.moran_i,
-            "p_value": found.structure.p_value,
-            "order_p_value": found.structure.order_p_value,
+            "moran_i": diagnosis.structure.moran_i,
+            "p_value": diagnosis.structure.p_value,
+            "order_p_value": diagnosis.structure.order_p_value,
         },
         "verdict": report.verdict,
         "share_of_excess": report.share,
         "unexplained_per_explained": None if squares is None else unexplained_ratio(*squares),
         "unexplained_mean_square_mm2": unexplained_mean_square(report) * 1e6,
         "misspecified": report.misspecified,
-        "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
-        "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
+        "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in diagnosis.motion_bounds.items()},
+        "approximate_of": "everything measured, weighted by its noise" if diagnosis.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
         "unexplained": [
             {"acts_like": function_name(function), **_place_and_variables(function)}
-            for function in found.unexplained.functions
+            for function in diagnosis.unexplained.functions
         ],
         "anatomy": [
             {**_place_and_variables(function), "held_out_rms_mm": rms * 1e3} for function, rms in report.functions
         ],
-        "outliers": found.outliers,
-        "shifted": stated(found.shifted, shifted_sentence),
-        "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
+        "outliers": diagnosis.outliers,
+        "shifted": stated(diagnosis.shifted, shifted_sentence),
+        "far_poses": [int(diagnosis.data.pose[row]) for row in report.far_rows],
         "audit": stated(report.limitations, limitation_sentence),
         "holds": valid_where(report),
         "hints": stated(report.hints, hint_sentence),
-        "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
+        "not_testable": [_refusal(effect, reason) for effect, reason in diagnosis.not_testable],
     }
 
 
 def _place_and_variables(function: FreeFunction) -> dict[str, object]:
-    return {"place": place_of(function), "follows": [one.symbol for one in function.covariates]}
+    return {"place": place_of(function), "follows": [covariate.symbol for covariate in function.covariates]}
 
 
 def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
@@ -112,9 +112,9 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
     if most < FEWEST:
         return
     before = report.held_out.rms
-    counted = [one for one in report.ranking if one.verdict != Support.NO_EVIDENCE][:SHOWN]
-    others = [one for one in report.ranking if one.verdict == Support.NO_EVIDENCE]
-    causes = [one for one in others if not one.effect.is_free_form]
+    counted = [candidate for candidate in report.ranking if candidate.verdict != Support.NO_EVIDENCE][:SHOWN]
+    others = [candidate for candidate in report.ranking if candidate.verdict == Support.NO_EVIDENCE]
+    causes = [candidate for candidate in others if not candidate.effect.is_free_form]
     rows = []
     for advice in [*counted, *causes[:REFUSED_SHOWN]][:most]:
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
@@ -127,38 +127,39 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
 
 def _details(report: DiagnosisReport) -> list[Block]:
     """Evidence behind the conclusion, for a person."""
-    found = report.diagnosis
-    noise = noise_words(_floor_mm(report), found.floor.source, report.patterns)
-    concentrated = f"\nWhere the error is concentrated{', outliers included' if found.outlier_distances else ''}"
+    diagnosis = report.diagnosis
+    noise = noise_words(_floor_mm(report), diagnosis.floor.source, report.patterns)
+    concentrated = f"\nWhere the error is concentrated{', outliers included' if diagnosis.outlier_distances else ''}"
     blocks: list[Block] = [
-        f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
+        f"\n{len(diagnosis.data)} poses, {len(diagnosis.fit.model.free)} parameters"
+        f"{named_joints(diagnosis.fit.model.arm)}",
         Facts(
             (
                 ("fit error", f"{in_mm(report.fitted.rms)} mm RMS"),
                 ("noise", noise),
-                ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),
+                ("residuals", f"{MORAN} {diagnosis.structure.moran_i:.2f}, p {p_words(diagnosis.structure.p_value)}"),
                 (BLACK_BOX, predictable_sentence(report.patterns.predictable)),
             )
         ),
         *section(concentrated, map(regime_sentence, report.patterns.regimes)),
         *section("\nCandidates, one by one", _reasons(report)),
     ]
-    if found.data.several_kinds:
+    if diagnosis.data.several_kinds:
         blocks.append(
             "≈ stands for all that was measured of a pose, each number weighed by its noise, as if it were a position: "
             "compare such figures with one another only. Figures without it are errors of the TCP."
         )
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
-        left = report.functions
-        lines = (f"{function_name(function)} would leave {in_mm(rms)} mm held out" for function, rms in left)
+        functions = report.functions
+        lines = (f"{function_name(function)} would leave {in_mm(rms)} mm held out" for function, rms in functions)
         blocks += section("\nStructure of the residuals: what it acts like, and what that depends on", lines)
-    if found.outliers:
-        blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
+    if diagnosis.outliers:
+        blocks.append(f"\nOutliers, left out: {poses_words(diagnosis.outliers)}")
     blocks += section("\nPatterns in the estimates, which are no effects", map(hint_sentence, report.hints))
     blocks += section("\nWhat these poses cannot show", map(limitation_sentence, report.limitations))
     advice = advice_of(report)
     blocks += section("\nPoses that would distinguish the causes", () if advice is None else (advice_sentence(advice),))
-    return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]
+    return [*blocks, *section("\nNot testable with these poses", untestable(diagnosis.not_testable))]
 
 
 def _reasons(report: DiagnosisReport) -> Iterator[str]:
@@ -213,10 +214,10 @@ def untestable(refused: Sequence[Refusal]) -> Iterator[str]:
         yield f"{name} at {', '.join(places)}: {why}"
 
 
-def left_values(left: ResidualPatterns) -> dict[str, object]:
+def left_values(patterns: ResidualPatterns) -> dict[str, object]:
     """The entries `nameless`, `noise_bound_rms_mm` and `regimes` of a diagnosis."""
     return {
-        "nameless": left.predictable,
-        "noise_bound_rms_mm": left.predictable.noise_bound * 1e3,
-        "regimes": list(map(regime_values, left.regimes)),
+        "nameless": patterns.predictable,
+        "noise_bound_rms_mm": patterns.predictable.noise_bound * 1e3,
+        "regimes": list(map(regime_values, patterns.regimes)),
     }

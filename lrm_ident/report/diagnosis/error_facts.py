@@ -83,8 +83,8 @@ def _without_noise(report: DiagnosisReport) -> str:
     if bounds is None or diagnosis.floor.rms is None or diagnosis.data.several_kinds:
         return ""
     if bounds[0]:
-        own = float(np.sqrt(error**2 - diagnosis.floor.rms**2))
-        return f"; the tip itself ≈ {in_mm(own)} mm, {THE_REST}"
+        error_without_noise = float(np.sqrt(error**2 - diagnosis.floor.rms**2))
+        return f"; the tip itself ≈ {in_mm(error_without_noise)} mm, {THE_REST}"
     return f"; the tip itself ≤ {in_mm(bounds[1])} mm (95 %), {THE_REST}" if bounds[1] else ""
 
 
@@ -97,11 +97,11 @@ def _where_expected(report: DiagnosisReport) -> str:
 
 def rounding(report: DiagnosisReport) -> str:
     """That an error that nothing predicts is as large as the rounding of the angles would make it."""
-    found = report.diagnosis
+    diagnosis = report.diagnosis
     if report.verdict not in (Verdict.UNPREDICTABLE, Verdict.NOISE_UNKNOWN):
         return ""
-    rounded = rounded_commands(found.data.poses.q, found.joint_jacobian)
-    if rounded is None or not rounded.explains(report.held_out.rms, found.floor.rms or 0.0):
+    rounded = rounded_commands(diagnosis.data.poses.q, diagnosis.joint_jacobian)
+    if rounded is None or not rounded.explains(report.held_out.rms, diagnosis.floor.rms or 0.0):
         return ""
     return rounding_words(np.degrees(rounded.step), rounded.tip)
 

@@ -48,20 +48,20 @@ def _quiet(assessment: Assessment) -> str:
 
     A diagnosis does not know how certain the steps before it were, so it does not call what it meets found.
     """
-    known, verdict = assessment.causes, assessment.report.verdict
+    causes, verdict = assessment.causes, assessment.report.verdict
     changes = assessment.report.deployed.among_measured is not None
-    left = f", {CHANGES}" if changes else f"; {LEFT[verdict]}"
-    if not known and assessment.terms:
+    rest_words = f", {CHANGES}" if changes else f"; {LEFT[verdict]}"
+    if not causes and assessment.terms:
         what = enumerate_effects(assessment.terms, NAMED)
         corrects = "an empirical term, corrects" if len(assessment.terms) == 1 else "empirical terms, correct"
-        return f"{NOT_IDENTIFIED}; {what}, {corrects} the error{left}"
-    if not known:
+        return f"{NOT_IDENTIFIED}; {what}, {corrects} the error{rest_words}"
+    if not causes:
         return f"{NONE_FOUND} in this session, {CHANGES}" if changes else HEADLINES[verdict]
     unsure = assessment.unsure
-    it = "it" if len(known) == 1 else "them" if len(unsure) == len(known) else enumerate_effects(unsure, NAMED)
+    it = "it" if len(causes) == 1 else "them" if len(unsure) == len(causes) else enumerate_effects(unsure, NAMED)
     other = f", or another cause that these poses cannot distinguish from {it}" if unsure else ""
-    all_corrected = all(on_rover(effect) in CORRECTED for effect in known.values())
-    return f"{'Corrected' if all_corrected else 'In the model'}: {enumerate_effects(known, NAMED)}{other}{left}"
+    all_corrected = all(on_rover(effect) in CORRECTED for effect in causes.values())
+    return f"{'Corrected' if all_corrected else 'In the model'}: {enumerate_effects(causes, NAMED)}{other}{rest_words}"
 
 
 def _of_term(assessment: Assessment, term: RankedCandidate) -> str:

@@ -75,8 +75,8 @@ def order(assessment: Assessment) -> str:
 
 def _follows_joint(report: DiagnosisReport, effects: Sequence[Effect]) -> str:
     """That the order of the rows may not be that of the measurement."""
-    follows = [one for one in report.limitations if one.kind is LimitationKind.ORDER]
-    joints = {joint - 1 for one in follows for joint in one.joints}
+    follows = [limitation for limitation in report.limitations if limitation.kind is LimitationKind.ORDER]
+    joints = {joint - 1 for limitation in follows for joint in limitation.joints}
     concerned = [
         effect.name
         for effect in effects

@@ -67,8 +67,8 @@ def _draw_view(
     """Links from behind to front, the axes with their numbers on either side in turn, masses and tip before them."""
     from matplotlib.patches import Polygon
 
-    for one, other, radius in sorted(links, key=lambda link: float(view[2] @ (link[0] + link[1]))):
-        outline = _capsule(view[:2] @ one, view[:2] @ other, radius)
+    for start, other, radius in sorted(links, key=lambda link: float(view[2] @ (link[0] + link[1]))):
+        outline = _capsule(view[:2] @ start, view[:2] @ other, radius)
         panel.add_patch(Polygon(outline, facecolor="#c9d6e2", edgecolor="#57606a", linewidth=0.8))
     way = view[:2] @ (axes[-1][1] - axes[0][1]) if len(axes) > 1 else np.array([0.0, 1.0])
     beside = np.array([-way[1], way[0]]) / max(float(np.linalg.norm(way)), 1e-9)
@@ -91,11 +91,11 @@ def _draw_view(
     panel.margins(0.08)
 
 
-def _capsule(one: Array, other: Array, radius: float) -> Array:
+def _capsule(start: Array, other: Array, radius: float) -> Array:
     """(2 ROUND, 2), the outline of a capsule between two places."""
-    along = other - one
+    along = other - start
     turn = float(np.arctan2(along[1], along[0]))
     half = np.linspace(0.5, 1.5, ROUND) * np.pi + turn
-    first = one + radius * np.column_stack([np.cos(half), np.sin(half)])
+    first = start + radius * np.column_stack([np.cos(half), np.sin(half)])
     second = other - radius * np.column_stack([np.cos(half), np.sin(half)])
     return np.concatenate([first, second])

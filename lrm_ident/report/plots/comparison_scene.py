@@ -26,13 +26,13 @@ GREY, RED, BLUE = (0.5, 0.5, 0.5), (0.9, 0.2, 0.1), (0.1, 0.3, 0.9)
 SECOND = 1_000_000_000
 
 
-def scene_file(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> bytes:
+def scene_file(comparison: ModelComparison, models: Sequence[tuple[str, Model]]) -> bytes:
     """Content of the file; `models`: after each step, by its name. Raises `LrmError`: mcap is not installed."""
-    return mcap_file(_scenes(found, models), "lrm-ident")
+    return mcap_file(_scenes(comparison, models), "lrm-ident")
 
 
-def _scenes(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> Iterator[JsonMessage]:
-    data, equilibrium = found.data, found.equilibrium
+def _scenes(comparison: ModelComparison, models: Sequence[tuple[str, Model]]) -> Iterator[JsonMessage]:
+    data, equilibrium = comparison.data, comparison.equilibrium
     steps = [("nominal", nominal_arm(equilibrium.model.arm, data)), *models]
     errors = {
         topic_of(k, name): (name, data.position_error(solve_equilibrium(model, data.poses)))

@@ -48,47 +48,49 @@ NAMES = {"thesis": "in the thesis's units", "scaled": "scaled by typical sizes"}
 TITLES = {"thesis": "mm per rad, mm, rad/Nmm", "scaled": "mm per typical size"}
 
 
-def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
+def draw_choice(selection: PoseSelection, data: Measurements, path: Path) -> None:
     """The chosen poses among all, and their indices over those of random choices. Raises `FileError`."""
     with figure_file(path, 13, 4.4) as figure:
         left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.8))
         for axes, pair in ((left, (0, 2)), (middle, (0, 1))):
-            _draw_places(axes, data.tcp, data.tcp[found.rows], pair)
-        gain = [found.observability.value(name) / max(found.random_baseline.value(name), 1e-300) for name in INDICES]
+            _draw_places(axes, data.tcp, data.tcp[selection.rows], pair)
+        gain = [
+            selection.observability.value(name) / max(selection.random_baseline.value(name), 1e-300) for name in INDICES
+        ]
         bars = right.bar(INDICES, gain, color=MODEL)
         right.bar_label(bars, fmt="%.2f", padding=3)
         right.axhline(1.0, color="black", linewidth=0.8)
-        share = 100 * found.observability.O1 / found.o1_upper_bound
+        share = 100 * selection.observability.O1 / selection.o1_upper_bound
         right.set(xlabel="observability index", ylabel="index over that of random poses", ylim=(0, 1.15 * max(gain)))
         right.set_title(f"Gain over random poses\n(O1: {share:.1f} % of its bound)")
         right.grid(axis="y")
         right.set_axisbelow(True)
 
 
-def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, path: Path) -> None:
+def draw_design(task: DesignProblem, offer: CandidateSet, designed: PoseDesign, path: Path) -> None:
     """Positions of the poses, the expected error of every parameter, and the detectable sizes of the rivals.
 
     Raises `FileError` for an unknown format or a place that cannot be written.
     """
-    widths = (0.7, 1.3) if found.after.discrimination is None else (0.7, 1.2, 0.5)
-    everywhere, chosen = (solve_equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
-    known = known_sets(found)
-    sets = {name: known[name] for name in LOOKS if name in known}
+    widths = (0.7, 1.3) if designed.after.discrimination is None else (0.7, 1.2, 0.5)
+    everywhere, chosen = (solve_equilibrium(task.model, poses).tcp for poses in (offer.poses, designed.poses))
+    accuracies = known_sets(designed)
+    sets = {name: accuracies[name] for name in LOOKS if name in accuracies}
     with figure_file(path, 14, 4.8) as figure:
         panels = figure.subplots(1, len(widths), width_ratios=widths)
         _draw_places(panels[0], everywhere, chosen, (0, 2))
-        _draw_errors(panels[1], list(map(symbol, found.keys)), sets)
+        _draw_errors(panels[1], list(map(symbol, designed.keys)), sets)
         panels[1].set_title(f"Expected error of every parameter (noise {task.noise * 1e3:g} mm per axis)")
-        if found.after.discrimination is not None:
-            _draw_rivals(panels[2], [rival.name for rival in found.after.rivals], sets)
+        if designed.after.discrimination is not None:
+            _draw_rivals(panels[2], [rival.name for rival in designed.after.rivals], sets)
 
 
 def _draw_errors(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAccuracy]) -> None:
     place = np.arange(len(names))
-    for name, known in sets.items():
+    for name, accuracy in sets.items():
         colour, marker, _ = LOOKS[name]
-        label = f"{name}: TCP to {known.tcp:.3g} mm"
-        axes.plot(place, known.standard_errors, marker, color=colour, label=label, markersize=6)
+        label = f"{name}: TCP to {accuracy.tcp:.3g} mm"
+        axes.plot(place, accuracy.standard_errors, marker, color=colour, label=label, markersize=6)
     _log(axes)
     axes.set_xticks(place, names, rotation=90, fontsize=8)
     axes.set_ylabel("standard error, as motion of the tip, mm")
@@ -98,17 +100,22 @@ def _draw_errors(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAc
 def _draw_rivals(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAccuracy]) -> None:
     """The least detectable size of every rival; no bar where it never is."""
     width = 0.8 / len(sets)
-    for k, (name, known) in enumerate(sets.items()):
+    for k, (name, accuracy) in enumerate(sets.items()):
         colour, _, hatch = LOOKS[name]
         place = np.arange(len(names)) + (k - 0.5 * (len(sets) - 1)) * width
-        for x, rival in zip(place, known.rivals, strict=True):
+        for x, rival in zip(place, accuracy.rivals, strict=True):
             height = NEVER if rival.detectable_size is None else rival.detectable_size
             bar = axes.bar(x, height, width, color=colour, hatch=hatch, edgecolor="white")
             if rival.detectable_size is not None:
                 axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=7)
             else:
                 axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
-    sizes = [one.detectable_size for known in sets.values() for one in known.rivals if one.detectable_size is not None]
+    sizes = [
+        rival.detectable_size
+        for accuracy in sets.values()
+        for rival in accuracy.rivals
+        if rival.detectable_size is not None
+    ]
     _log(axes)
     axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
     axes.set_xticks(np.arange(len(names)), [fill(plain_name(name), RIVAL) for name in names], fontsize=8)
@@ -137,25 +144,25 @@ def _draw_places(axes: Axes, every: Array, chosen: Array, pair: tuple[int, int])
     finish(axes, f"{'xyz'[i]}, mm", f"{'xyz'[j]}, mm", title)
 
 
-def draw_elimination(found: ParameterElimination, path: Path) -> None:
+def draw_elimination(elimination: ParameterElimination, path: Path) -> None:
     """Singular values before and after, in the thesis's units and scaled. Raises `FileError`."""
     with figure_file(path, 12, 4.6) as figure:
         for axes, units in zip(figure.subplots(1, 2), UNITS, strict=True):
-            _draw_singular_values(axes, found, units)
+            _draw_singular_values(axes, elimination, units)
 
 
-def _draw_singular_values(axes: Axes, found: ParameterElimination, units: Units) -> None:
-    every, kept = found.all_values[units], found.kept_values[units]
+def _draw_singular_values(axes: Axes, elimination: ParameterElimination, units: Units) -> None:
+    every, kept = elimination.all_values[units], elimination.kept_values[units]
     axes.plot(np.arange(1, len(every) + 1), np.maximum(every, FLOOR), "o", color=NOMINAL, label=f"all {len(every)}")
     label = f"the {len(kept)} kept"
     axes.plot(np.arange(1, len(kept) + 1), kept, "x", color=MODEL, markersize=8, label=label)
     if units == "thesis":
         number = np.arange(1, len(TABLE_A_1) + 1)
         axes.plot(number, TABLE_A_1, "+", color=HELD_OUT, markersize=8, label="thesis, Table A.1")
-    if units == found.units:
-        label = f"threshold {found.threshold:g}"
-        axes.axhline(found.threshold, color="black", linestyle="--", linewidth=1, label=label)
+    if units == elimination.units:
+        label = f"threshold {elimination.threshold:g}"
+        axes.axhline(elimination.threshold, color="black", linestyle="--", linewidth=1, label=label)
     axes.set_yscale("log")
     zero = f"; points at {FLOOR:g} are zero" if every.min() < FLOOR else ""
-    title = f"Singular values, {NAMES[units]}, {found.poses} poses{zero}"
+    title = f"Singular values, {NAMES[units]}, {elimination.poses} poses{zero}"
     finish(axes, "number", f"singular value, {TITLES[units]}", title)

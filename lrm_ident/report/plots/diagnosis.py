@@ -41,18 +41,24 @@ BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 
 def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
-    first, found = report.first, report.diagnosis
-    fitted, data = found.screening.subset
-    known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
+    first, diagnosis = report.first, report.diagnosis
+    fitted, data = diagnosis.screening.subset
+    covariates_known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
     with figure_file(path, 13 if first is None else 19, 4.6) as figure:
         left, right, *third = figure.subplots(1, 2 if first is None else 3)
         _draw_ranking(left, report)
         if first is not None:
-            view = candidate_view(first, found, known, np.arange(len(data)))
+            view = candidate_view(first, diagnosis, covariates_known, np.arange(len(data)))
             _draw_evidence(right, plain_name(first.name), np.array(view["added"]), 1e3 * fitted.residual)
-            _draw_form(third[0], first, found, view, {variable_name(one.variable): one for one in known})
-        elif found.unexplained.ranking:
-            _draw_anatomy(right, found, found.unexplained.ranking[0][0])
+            _draw_form(
+                third[0],
+                first,
+                diagnosis,
+                view,
+                {variable_name(covariate.variable): covariate for covariate in covariates_known},
+            )
+        elif diagnosis.unexplained.ranking:
+            _draw_anatomy(right, diagnosis, diagnosis.unexplained.ranking[0][0])
     return figure
 
 
@@ -92,13 +98,17 @@ def _draw_evidence(axes: Axes, name: str, motion: Array, residual: Array) -> Non
 
 
 def _draw_form(
-    axes: Axes, first: RankedCandidate, found: Diagnosis, view: Mapping[str, Any], known: Mapping[str, Covariate]
+    axes: Axes,
+    first: RankedCandidate,
+    diagnosis: Diagnosis,
+    view: Mapping[str, Any],
+    covariates_known: Mapping[str, Covariate],
 ) -> None:
     """The turn of the joint against what drives it: the form with its band, and what the poses show around it.
 
     A second quantity that the form follows is the colour of both, without a band.
     """
-    driver, second = known[view["driver"]], known.get(view["second"])
+    driver, second = covariates_known[view["driver"]], covariates_known.get(view["second"])
     around, form = (np.array(view[name], dtype=np.float64) for name in ("around", "form"))
     order = np.argsort(driver.shown)
     x, name = driver.shown[order], plain_name(first.name)
@@ -111,7 +121,7 @@ def _draw_form(
     else:
         axes.scatter(x, around[order], s=10, color=NOMINAL, label="poses: the effect and the residual")
         axes.plot(x, form[order], ".", color=MODEL, markersize=4, label=name)
-        if (error := _form_error(first, found, view["joint"])) is not None:
+        if (error := _form_error(first, diagnosis, view["joint"])) is not None:
             style: Any = {"color": MODEL, "alpha": 0.3, "linewidth": 2, "label": "two standard errors"}
             axes.vlines(x, (form - 2.0 * error)[order], (form + 2.0 * error)[order], **style)
     finish(
@@ -122,32 +132,32 @@ def _draw_form(
     )
 
 
-def _form_error(first: RankedCandidate, found: Diagnosis, joint: int) -> Array | None:
+def _form_error(first: RankedCandidate, diagnosis: Diagnosis, joint: int) -> Array | None:
     """(N,), standard error of a candidate's form as a turn of a joint (deg); None where it was not refitted."""
     candidate, fit, keys = first.scored.candidate, first.fit, refitted_keys(first)
     if fit is None or not keys:
         return None
-    motions = candidate.columns(first.scored.shape).reshape(len(found.screening.screened), -1, len(keys))[:, :3]
-    turns = np.stack([joint_turns(motions[:, :, k], found.joint_jacobian)[joint] for k in range(len(keys))], axis=1)
+    motions = candidate.columns(first.scored.shape).reshape(len(diagnosis.screening.screened), -1, len(keys))[:, :3]
+    turns = np.stack([joint_turns(motions[:, :, k], diagnosis.joint_jacobian)[joint] for k in range(len(keys))], axis=1)
     rows = [fit.model.free.index(key) for key in keys]
     turns = turns / [parameter.typical for parameter in candidate.parameters]
     variance = np.einsum("nk,kl,nl->n", turns, fit.covariance[np.ix_(rows, rows)], turns)
     return np.asarray(np.degrees(np.sqrt(np.maximum(variance, 0.0))))
 
 
-def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
+def _draw_anatomy(axes: Axes, diagnosis: Diagnosis, function: FreeFunction) -> None:
     """The motion that each residual acts like, against what it follows; a second quantity in three bands."""
     shift = function.shift
     motion = function.terms[0][0][:3] if shift is None else shift.direction
     length = np.maximum((motion**2).sum(axis=0), 1e-12)
     scale, acts_like = _motion_shown(function)
-    amount = scale * (found.fit.residual[found.screening.screened].T * motion).sum(axis=0) / length
+    amount = scale * (diagnosis.fit.residual[diagnosis.screening.screened].T * motion).sum(axis=0) / length
     first = function.covariates[0]
-    values, name = _followed(found, first) if shift is None else (shift.force, f"{in_a_sentence(first)}, N")
+    values, name = _followed(diagnosis, first) if shift is None else (shift.force, f"{in_a_sentence(first)}, N")
     if len(function.covariates) == 1:
         axes.scatter(values, amount, s=12, color=MODEL)
     else:
-        other, second = _followed(found, function.covariates[1])
+        other, second = _followed(diagnosis, function.covariates[1])
         edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
         for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
             band = (other >= low) & (other <= high)
@@ -170,11 +180,13 @@ def _motion_shown(function: FreeFunction) -> tuple[float, str]:
     return 100.0, f"change of {place_of(function)}, %"
 
 
-def _followed(found: Diagnosis, variable: ExplanatoryVariable) -> tuple[Array, str]:
+def _followed(diagnosis: Diagnosis, variable: ExplanatoryVariable) -> tuple[Array, str]:
     """Values of a variable at the poses that were screened, and its label; `before`: at the pose measured before."""
-    torque, now = found.fit.equilibrium.joint_torque, replace(variable, before=False)
-    every = (*covariates(found.data, torque), Covariate("total torque", np.abs(torque).sum(axis=1)))
-    shown = next(one.shown for one in every if one.variable == now)
-    if now == variable:
-        return shown[found.screening.screened], axis_label(now)
-    return np.concatenate([shown[:1], shown[:-1]])[found.screening.screened], f"{axis_label(now)}, at the pose before"
+    torque, variable_after = diagnosis.fit.equilibrium.joint_torque, replace(variable, before=False)
+    every = (*covariates(diagnosis.data, torque), Covariate("total torque", np.abs(torque).sum(axis=1)))
+    shown = next(covariate.shown for covariate in every if covariate.variable == variable_after)
+    if variable_after == variable:
+        return shown[diagnosis.screening.screened], axis_label(variable_after)
+    return np.concatenate([shown[:1], shown[:-1]])[
+        diagnosis.screening.screened
+    ], f"{axis_label(variable_after)}, at the pose before"

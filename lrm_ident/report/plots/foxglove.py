@@ -42,13 +42,13 @@ def mcap_file(messages: Iterable[JsonMessage], library: str) -> bytes:
     writer.start(library=library)
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
-    for one in messages:
-        if one.schema not in schemas:
-            described = json.dumps({"title": one.schema, "type": "object"}).encode()
-            schemas[one.schema] = writer.register_schema(one.schema, "jsonschema", described)
-        if one.topic not in channels:
-            channels[one.topic] = writer.register_channel(one.topic, "json", schemas[one.schema])
-        writer.add_message(channels[one.topic], one.t, json.dumps(one.content).encode(), one.t)
+    for message in messages:
+        if message.schema not in schemas:
+            described = json.dumps({"title": message.schema, "type": "object"}).encode()
+            schemas[message.schema] = writer.register_schema(message.schema, "jsonschema", described)
+        if message.topic not in channels:
+            channels[message.topic] = writer.register_channel(message.topic, "json", schemas[message.schema])
+        writer.add_message(channels[message.topic], message.t, json.dumps(message.content).encode(), message.t)
     writer.finish()  # type: ignore[no-untyped-call,unused-ignore]
     return content.getvalue()
 

@@ -34,12 +34,12 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
     scale, rows = story.longest, len(story.steps) + len(story.ends)
     with figure_file(path, 8.5, 1.3 + ROW * rows) as figure:
         axes = figure.subplots()
-        for row, one in enumerate(story.steps):
-            colour, left, before = COLOURS[one.kind], min(one.rms_mm, scale), min(one.before_rms_mm, scale)
-            axes.barh(row, left, color=colour, alpha=0.3)
-            axes.barh(row, before - left, left=left, color=colour)
-            cut = " (bar cut short)" if one.rms_mm > scale else ""
-            axes.annotate(f"{in_mm(one.rms_mm * MM)}{cut}", (before, row), **BESIDE)
+        for row, step in enumerate(story.steps):
+            colour, error_left, before = COLOURS[step.kind], min(step.rms_mm, scale), min(step.before_rms_mm, scale)
+            axes.barh(row, error_left, color=colour, alpha=0.3)
+            axes.barh(row, before - error_left, left=error_left, color=colour)
+            cut = " (bar cut short)" if step.rms_mm > scale else ""
+            axes.annotate(f"{in_mm(step.rms_mm * MM)}{cut}", (before, row), **BESIDE)
         for row, (_, value) in enumerate(story.ends, len(story.steps)):
             axes.barh(row, value, height=0.4, color="black", alpha=0.4)
             axes.annotate(in_mm(value * MM), (value, row), **BESIDE)
@@ -47,8 +47,8 @@ def draw_story(story: Story, path: Path | None = None) -> Figure:
             words, noise = story.noise
             axes.axvline(noise, color="black", linestyle=":", label=f"{words} {in_mm(noise * MM)} mm")
             axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / rows), frameon=False)
-        kinds = [f"\n{one.kind}" if one.number and one.kind != "effect" else "" for one in story.steps]
-        names = [fill(one.title, LABEL) + kind for one, kind in zip(story.steps, kinds, strict=True)]
+        kinds = [f"\n{step.kind}" if step.number and step.kind != "effect" else "" for step in story.steps]
+        names = [fill(step.title, LABEL) + kind for step, kind in zip(story.steps, kinds, strict=True)]
         axes.set_yticks(range(rows), [*names, *(name for name, _ in story.ends)], fontsize=9)
         axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
         title = "How the error fell" + (f", {UNSEEN}" if story.held_out else "")

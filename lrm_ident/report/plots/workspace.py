@@ -27,36 +27,40 @@ ROW, SHORTEST = 0.27, 4.6
 """Height of one variant's bar, and of the figure at least (inches)."""
 
 
-def draw_reach(found: VariantComparison, path: Path) -> None:
+def draw_reach(comparison: VariantComparison, path: Path) -> None:
     """Draws the first map, cut twice, and all variants. Raises `FileError` for an unknown format or place."""
-    compared = len(found.maps) > 1
-    size = (16.5, max(SHORTEST, 1.2 + ROW * len(found.maps))) if compared else (10.5, SHORTEST)
+    compared = len(comparison.maps) > 1
+    size = (16.5, max(SHORTEST, 1.2 + ROW * len(comparison.maps))) if compared else (10.5, SHORTEST)
     widths = (1, 1, 0.6) if compared else (1, 1)
-    first, middle, level = found.maps[0], float(bounding_ball(found.variants[0].arm)[0][1]), _height(found)
+    first, middle, level = (
+        comparison.maps[0],
+        float(bounding_ball(comparison.variants[0].arm)[0][1]),
+        _height(comparison),
+    )
     most = 100 * max(float(_layer(first, k, at).max()) for k, at in ((1, middle), (2, level))) or 1.0
     with figure_file(path, *size) as figure:
         axes = figure.subplots(1, len(widths), width_ratios=widths)
-        _draw_cut(axes[0], found, (0, 2), middle, most)
-        mesh = _draw_cut(axes[1], found, (0, 1), level, most)
+        _draw_cut(axes[0], comparison, (0, 2), middle, most)
+        mesh = _draw_cut(axes[1], comparison, (0, 1), level, most)
         figure.colorbar(mesh, ax=axes[:2], label="orientations that can be taken, %", shrink=0.8)
         if compared:
-            _draw_variants(axes[2], found)
+            _draw_variants(axes[2], comparison)
 
 
-def _height(found: VariantComparison) -> float:
+def _height(comparison: VariantComparison) -> float:
     """Heights to cut level (m): through the middle of the first area, or where the map holds most."""
-    first = found.maps[0]
-    if found.areas:
-        return 0.5 * (found.areas[0].low[2] + found.areas[0].high[2])
+    first = comparison.maps[0]
+    if comparison.areas:
+        return 0.5 * (comparison.areas[0].low[2] + comparison.areas[0].high[2])
     best = int(np.argmax(first.grid.by_axis(first.index).sum(axis=(0, 1))))
     return float(first.grid.axis(2)[best])
 
 
-def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: float, most: float) -> QuadMesh:
+def _draw_cut(axes: Axes, comparison: VariantComparison, plane: tuple[int, int], at: float, most: float) -> QuadMesh:
     """The mean of the two layers of cells on either side of `at` (m) along the axis that `plane` leaves out."""
     from matplotlib.patches import Rectangle
 
-    arm, first = found.variants[0].arm, found.maps[0]
+    arm, first = comparison.variants[0].arm, comparison.maps[0]
     i, j = plane
     k = 3 - i - j
     seen = 100 * _layer(first, k, at)
@@ -66,7 +70,7 @@ def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: 
     x, y = (axis[np.nonzero(seen.any(axis=1 - number))[0]] for number, axis in enumerate(edges))
     _draw_boxes(axes, arm, plane, k, at)
     _draw_arm(axes, arm, plane)
-    for area in found.areas:
+    for area in comparison.areas:
         if area.low[k] <= at <= area.high[k]:
             low, high = (MM_PER_M * np.array(corner)[[i, j]] for corner in (area.low, area.high))
             style: Any = {"fill": False, "edgecolor": HELD_OUT, "linewidth": 2, "linestyle": "--"}
@@ -80,10 +84,10 @@ def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: 
     return mesh
 
 
-def _layer(found: CapabilityMap, k: int, at: float) -> Array:
+def _layer(capability: CapabilityMap, k: int, at: float) -> Array:
     """The map's mean of the two layers nearest to `at` along axis k."""
-    nearest = np.argsort(np.abs(found.grid.axis(k) - at), kind="stable")[:2]
-    return np.asarray(found.grid.by_axis(found.index).take(nearest, axis=k).mean(axis=k))
+    nearest = np.argsort(np.abs(capability.grid.axis(k) - at), kind="stable")[:2]
+    return np.asarray(capability.grid.by_axis(capability.index).take(nearest, axis=k).mean(axis=k))
 
 
 def _draw_boxes(axes: Axes, arm: Arm, plane: tuple[int, int], k: int, at: float) -> None:
@@ -111,13 +115,13 @@ def _draw_arm(axes: Axes, arm: Arm, plane: tuple[int, int]) -> None:
     axes.legend(loc="upper left")
 
 
-def _draw_variants(axes: Axes, found: VariantComparison) -> None:
-    ranked = found.ranked[::-1]
-    scale = 100.0 if found.areas else 1e3
-    values = [scale * found.criterion(capability) for _, capability in ranked]
-    colours = [MODEL if variant is found.variants[0] else NOMINAL for variant, _ in ranked]
+def _draw_variants(axes: Axes, comparison: VariantComparison) -> None:
+    ranked = comparison.ranked[::-1]
+    scale = 100.0 if comparison.areas else 1e3
+    values = [scale * comparison.criterion(capability) for _, capability in ranked]
+    colours = [MODEL if variant is comparison.variants[0] else NOMINAL for variant, _ in ranked]
     bars = axes.barh([variant.name.replace(",", ", ") for variant, _ in ranked], values, color=colours)
-    axes.bar_label(bars, fmt="%.2f" if found.areas else "%.0f", padding=3, fontsize=9)
+    axes.bar_label(bars, fmt="%.2f" if comparison.areas else "%.0f", padding=3, fontsize=9)
     axes.tick_params(axis="y", labelsize=9)
-    what = "mean index in all areas, %" if found.areas else "volume, L"
+    what = "mean index in all areas, %" if comparison.areas else "volume, L"
     axes.set(xlabel=what, xlim=(0, 1.2 * max(values) or 1.0), title="Variants of the arm, best first")

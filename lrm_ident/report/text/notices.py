@@ -11,8 +11,8 @@ NAMED = 12  # effects or poses in a line
 
 
 def _held(count: int) -> str:
-    one = "1 offset or compliance that the model's fit held is"
-    return one if count == 1 else f"{count} offsets and compliances that the model's fit held are"
+    subject = "1 offset or compliance that the model's fit held is"
+    return subject if count == 1 else f"{count} offsets and compliances that the model's fit held are"
 
 
 def notice_words(notice: Notice) -> str:

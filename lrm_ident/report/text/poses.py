@@ -8,19 +8,18 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.residual.data_audit import Limitation, LimitationKind, MeasuredAngles
 
 
-def limitation_sentence(one: Limitation) -> str:
+def limitation_sentence(limitation: Limitation) -> str:
     """What some poses cannot show, and why."""
-    joints = _joints(one.joints)
-    match one.kind:
+    joints = _joints(limitation.joints)
+    match limitation.kind:
         case LimitationKind.FEW_ANGLES:
-            least, most = one.numbers
+            least, most = limitation.numbers
             levels = f"{least:g}" if least == most else f"{least:g} to {most:g}"
-            each = "at each of " if len(one.joints) > 1 else "at "
+            each = "at each of " if len(limitation.joints) > 1 else "at "
             return f"few angles: {levels} different ones {each}{joints}, so different causes look alike"
         case LimitationKind.ORDER:
-            return (
-                f"order: measured in the order of {joints} (correlation {one.numbers[0]:.2f}), so drift looks the same"
-            )
+            correlation = limitation.numbers[0]
+            return f"order: measured in the order of {joints} (correlation {correlation:.2f}), so drift looks the same"
         case LimitationKind.NO_REVERSAL:
             return f"no reversal: {joints} always came from one side, so friction there cannot show"
         case LimitationKind.ONE_SIDED:
@@ -29,11 +28,11 @@ def limitation_sentence(one: Limitation) -> str:
             return "one load: stiffness, backlash and mass look alike"
 
 
-def rows_in_order_of(one: Limitation, effects: str) -> str:
+def rows_in_order_of(limitation: Limitation, effects: str) -> str:
     """That rows without a time follow a joint, and what that means for `effects`."""
-    joints = _joints(one.joints)
+    joints = _joints(limitation.joints)
     return (
-        f"the rows follow {joints} (correlation {one.numbers[0]:.2f}) and have no t_s, so errors of time and of "
+        f"the rows follow {joints} (correlation {limitation.numbers[0]:.2f}) and have no t_s, so errors of time and of "
         f"{joints} look alike. If the table was sorted, {effects} may be wrong: state t_s, or keep the order measured"
     )
 
@@ -61,9 +60,9 @@ def _joints(numbers: Sequence[int]) -> str:
 def where_measured(parts: Sequence[MeasuredAngles]) -> str:
     """Where a verdict holds; empty where the poses cover the arm's range."""
     words = [
-        f"joint {one.joint} at {', '.join(f'{level:g}' for level in one.levels)} deg only"
-        if one.levels
-        else f"joint {one.joint} from {one.least:.0f} to {one.most:.0f} deg"
-        for one in parts
+        f"joint {measured_joint.joint} at {', '.join(f'{level:g}' for level in measured_joint.levels)} deg only"
+        if measured_joint.levels
+        else f"joint {measured_joint.joint} from {measured_joint.least:.0f} to {measured_joint.most:.0f} deg"
+        for measured_joint in parts
     ]
     return f"only where it was measured: {'; '.join(words)}" if words else ""

@@ -40,9 +40,9 @@ NO_LAW: Mapping[str, str] = {
 }
 
 
-def no_law_words(found: LawProposal) -> str:
+def no_law_words(proposal: LawProposal) -> str:
     """Why no law is proposed; empty where one is."""
-    return "" if found.reason is None else NO_LAW[found.reason].format(found.tried)
+    return "" if proposal.reason is None else NO_LAW[proposal.reason].format(proposal.tried)
 
 
 def reason_words(reason: Reason, named: Callable[[str], str] = str) -> str:

@@ -44,20 +44,20 @@ def why_not_held_out(held_out: HeldOutResidual) -> str:
     return UNSEEN if held_out.unseen else held_out.reason
 
 
-def predictable_brief(found: PredictableError) -> str:
+def predictable_brief(prediction: PredictableError) -> str:
     """What the black-box model reaches, and what that means."""
-    reached = f"{in_mm(found.error.rms)} mm RMS"
-    return f"{reached}: the error is systematic" if found.more_to_find else f"finds nothing systematic ({reached})"
+    reached = f"{in_mm(prediction.error.rms)} mm RMS"
+    return f"{reached}: the error is systematic" if prediction.more_to_find else f"finds nothing systematic ({reached})"
 
 
-def predictable_sentence(found: PredictableError) -> str:
+def predictable_sentence(prediction: PredictableError) -> str:
     """Prediction of the residual by the black-box model, and what it depends on."""
-    before, after = in_mm(error_stats(found.before).rms), in_mm(found.error.rms)
-    if not found.more_to_find:
+    before, after = in_mm(error_stats(prediction.before).rms), in_mm(prediction.error.rms)
+    if not prediction.more_to_find:
         return f"{BLACK_BOX} predicts no better ({after} mm RMS with it)"
     return (
         f"{BLACK_BOX} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
-        f"cause. It depends on {enumerate_words(list(map(in_a_sentence, found.follows)), NAMED)}."
+        f"cause. It depends on {enumerate_words(list(map(in_a_sentence, prediction.follows)), NAMED)}."
     )
 
 

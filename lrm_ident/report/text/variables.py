@@ -36,29 +36,29 @@ ANGLES = {"alpha": "x", "beta": "y", "gamma": "z"}
 """The axis that an angle of base or tool turns about."""
 
 
-def variable_name(one: ExplanatoryVariable) -> str:
+def variable_name(variable: ExplanatoryVariable) -> str:
     """Name, for instance `angle of joint 2`, `moment on link 2 about its x`, `moment on the base about x`."""
-    name, _, _ = WORDS[one.kind]
-    if one.kind != "moment":
-        return _with_joint(name, one)
-    place, _, axis = one.slot.partition(".")
+    name, _, _ = WORDS[variable.kind]
+    if variable.kind != "moment":
+        return _with_joint(name, variable)
+    place, _, axis = variable.slot.partition(".")
     turned = f"the {place} about {ANGLES[axis]}" if axis in ANGLES else f"{place_words(place)} about its {axis}"
     return f"moment on {turned}"
 
 
-def axis_label(one: ExplanatoryVariable) -> str:
+def axis_label(variable: ExplanatoryVariable) -> str:
     """Name and unit, for an axis."""
-    return ", ".join(filter(None, (variable_name(one), WORDS[one.kind][2])))
+    return ", ".join(filter(None, (variable_name(variable), WORDS[variable.kind][2])))
 
 
-def in_a_sentence(one: ExplanatoryVariable) -> str:
+def in_a_sentence(variable: ExplanatoryVariable) -> str:
     """Name in a sentence, for instance `the angle of joint 2`; `before`: at the poses measured before."""
-    _, words, _ = WORDS[one.kind]
-    return f"{_with_joint(words, one)}{' before' if one.before else ''}"
+    _, words, _ = WORDS[variable.kind]
+    return f"{_with_joint(words, variable)}{' before' if variable.before else ''}"
 
 
-def _with_joint(words: str, one: ExplanatoryVariable) -> str:
-    return words.format("" if one.joint is None else one.joint + 1)
+def _with_joint(words: str, variable: ExplanatoryVariable) -> str:
+    return words.format("" if variable.joint is None else variable.joint + 1)
 
 
 def place_of(function: FreeFunction) -> str:
@@ -71,7 +71,9 @@ ONGOING = frozenset({"order", "time"})
 
 def what_may_change(function: FreeFunction) -> str:
     """A question on what may have changed meanwhile, where all joints yield otherwise as time goes on; else empty."""
-    if function.common is not CommonMode.YIELDING or ONGOING.isdisjoint(one.kind for one in function.covariates):
+    if function.common is not CommonMode.YIELDING or ONGOING.isdisjoint(
+        covariate.kind for covariate in function.covariates
+    ):
         return ""
     return "Was a load changed meanwhile (payload_g), or did the supply sag (supply_v)?"
 

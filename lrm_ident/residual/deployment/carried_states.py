@@ -50,8 +50,8 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
         rows = np.arange(len(data))
         carried |= _predicting_better(fitted, data.take(rows[:cut]), data.take(rows[cut:]), carried)
     warming = _following(model, data.poses) if ordered else ()
-    found = model.with_state(state_after_session(fitted.equilibrium, carried, warming))
-    return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
+    with_states = model.with_state(state_after_session(fitted.equilibrium, carried, warming))
+    return replace(fitted, model=with_states, equilibrium=replace(fitted.equilibrium, model=with_states))
 
 
 def _following(model: Model, poses: Poses) -> list[str]:
@@ -96,9 +96,13 @@ def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
     since power-on, or what the arm did before, holds at all times.
     """
     held = np.ones(len(poses), dtype=np.bool_)
-    known = model.state
-    followed = set() if known is None else {*known.warming, *known.memory}
-    carried = {} if known is None else {name: one for name, one in known.carried.items() if name not in followed}
+    state = model.state
+    followed = set() if state is None else {*state.warming, *state.memory}
+    carried = (
+        {}
+        if state is None
+        else {name: carried_state for name, carried_state in state.carried.items() if name not in followed}
+    )
     for bound in model.binding.bound:
         if carried.get(bound.effect.name) == "last":
             for amount in bound.at(poses, (0.0,) * len(bound.loads)):

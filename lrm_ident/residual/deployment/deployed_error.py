@@ -60,10 +60,10 @@ class DeployedError:
         restarted = None
         if unknown is not None:
             restarted = _larger(error_stats(np.concatenate([unknown, left_out])), later.unknown)
-        now = _larger(error.now, later.followed)
-        among = None if now is error.now else error.now
+        current = _larger(error.now, later.followed)
+        among = None if current is error.now else error.now
         fewer = error.fewer if among is None else later.poses
-        return replace(error, now=now, state=model.state, time_unknown=restarted, fewer=fewer, among_measured=among)
+        return replace(error, now=current, state=model.state, time_unknown=restarted, fewer=fewer, among_measured=among)
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:
@@ -81,7 +81,11 @@ class DeployedError:
         part: dict[str, object] = {} if self.fewer is None else {"poses": self.fewer}
         if self.now.rms_between is not None:
             part["rms_95_mm"] = [1e3 * end for end in self.now.rms_between]
-        return {**self.now.as_json(), **part, **{name: one.as_json() for name, one in more.items() if one is not None}}
+        return {
+            **self.now.as_json(),
+            **part,
+            **{name: error.as_json() for name, error in more.items() if error is not None},
+        }
 
 
 def _larger(error: ErrorStats, later: ErrorStats | None) -> ErrorStats:

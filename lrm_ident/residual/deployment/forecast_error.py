@@ -108,7 +108,7 @@ def forecast_error(model: Model, data: Measurements, loss: Loss, prior: Prior | 
     later = np.argsort(np.concatenate([rows[1::2], rows[::2]]))[begin:]
 
     def if_worse(forecasts: Array, others: Sequence[Array]) -> ErrorStats | None:
-        among = np.concatenate([each.squares(one, noise) for each, one in zip(around, others, strict=True)])
+        among = np.concatenate([each.squares(other, noise) for each, other in zip(around, others, strict=True)])
         z = paired_z(among[later], forecast.squares(forecasts, noise))
         return error_stats(forecasts) if z > SURELY else None
 
@@ -125,7 +125,11 @@ def _origin(model: Model, data: Measurements) -> int:
     changed, cycle = 0, data.poses.power_cycle
     number = np.array(data.poses.names(np.arange(len(data))))
     for effect in model.effects:
-        steps = [model.value(key) for key, one in zip(effect.keys, effect.parameters, strict=True) if one.name == STEP]
+        steps = [
+            model.value(key)
+            for key, parameter in zip(effect.keys, effect.parameters, strict=True)
+            if parameter.name == STEP
+        ]
         changed = max([changed, *(int(np.count_nonzero(number <= step)) for step in steps)])
         if "session" in effect.depends_on and cycle is not None:
             changed = max(changed, int(np.count_nonzero(cycle < cycle.max())))

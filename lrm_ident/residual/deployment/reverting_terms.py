@@ -42,22 +42,22 @@ def with_reverting_terms(fitted: Fit, data: Measurements) -> Fit:
     model, present = fitted.model, {effect.name for effect in fitted.model.effects}
     if model.within is None:
         return fitted
-    terms = [one for one in model.effects if _is_empirical(one)]
-    ends_of_terms = {one.name: _ends(fitted, one) for one in terms if present.isdisjoint(variants(one))}
+    terms = [term for term in model.effects if _is_empirical(term)]
+    ends_of_terms = {term.name: _ends(fitted, term) for term in terms if present.isdisjoint(variants(term))}
     for form in terms:
         for law in model.effects:
             if law.name in variants(form) and law.extrapolation is Extrapolation.PERIODIC:
                 ends_of_terms |= dict.fromkeys((law.name, form.name), _measured(fitted, joint_number(law.place)))
-    found = {name: ends for name, ends in ends_of_terms.items() if np.isfinite(ends).any()}
-    if not found:
+    reverting = {name: ends for name, ends in ends_of_terms.items() if np.isfinite(ends).any()}
+    if not reverting:
         return fitted
     try:
-        changes = _changes_without(fitted, data, [*found])
+        changes = _changes_without(fitted, data, [*reverting])
     except LrmError:
         return fitted
-    ends = np.stack([*found.values()])
+    ends = np.stack([*reverting.values()])
     lower, upper = ends[:, :, 0].max(axis=0), ends[:, :, 1].min(axis=0)
-    reversion = Reversion(tuple(found), tuple(zip(lower.tolist(), upper.tolist(), strict=True)), changes)
+    reversion = Reversion(tuple(reverting), tuple(zip(lower.tolist(), upper.tolist(), strict=True)), changes)
     model = replace(model, within=replace(model.within, reversion=reversion))
     return replace(fitted, model=model, equilibrium=replace(fitted.equilibrium, model=model))
 
@@ -86,11 +86,11 @@ def _ends(fitted: Fit, term: Effect) -> Array:
     """(n, 2), angles of each joint (rad) between which a term holds, infinite where it holds beyond, too."""
     model, poses = fitted.model, fitted.equilibrium.poses
     ends = np.tile((-np.inf, np.inf), (model.arm.dof, 1))
-    seen, own = np.isfinite(fitted.residual).all(axis=1), [key for key in term.keys if key in model.free]
-    if not own or not seen.any() or model.within is None:
+    seen, keys = np.isfinite(fitted.residual).all(axis=1), [key for key in term.keys if key in model.free]
+    if not keys or not seen.any() or model.within is None:
         return ends
     J = parameter_jacobian(fitted.equilibrium, model.free)[seen]
-    columns, moved = J.reshape(-1, len(model.free)), J @ _only(model, own)
+    columns, moved = J.reshape(-1, len(model.free)), J @ _only(model, keys)
     independent, _ = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))
     residual = _beside(independent, fitted.residual[seen].ravel())
     for joint, (limits, measured) in enumerate(zip(model.arm.joints, model.within.angle, strict=True)):

@@ -46,7 +46,11 @@ def allows_rolling_origin(data: Measurements) -> bool:
 def changes_too_late(effect: Effect, model: Model, data: Measurements) -> bool:
     """Whether an effect changes the arm with fewer than `FEWEST` poses behind it before the last forecast begins: what
     is after the change is then hardly known to the forecasts."""
-    steps = [model.value(key) for key, one in zip(effect.keys, effect.parameters, strict=True) if one.name == STEP]
+    steps = [
+        model.value(key)
+        for key, parameter in zip(effect.keys, effect.parameters, strict=True)
+        if parameter.name == STEP
+    ]
     number = data.poses.names(np.arange(_edges(data)[-2]))
     return any(np.count_nonzero(np.array(number) > step) < FEWEST for step in steps)
 
@@ -99,6 +103,6 @@ def _edges(data: Measurements) -> list[int]:
     return [round(row) for row in np.linspace(FIRST_SHARE * len(data), len(data), WINDOWS + 1).tolist()]
 
 
-def same_forecasts(one: Array, other: Array) -> bool:
+def same_forecasts(first: Array, other: Array) -> bool:
     """Whether two forecasts (M,) are the same: what tells the models apart came after all that they were fitted to."""
-    return bool(np.abs(one - other).max() <= SAME * one.mean())
+    return bool(np.abs(first - other).max() <= SAME * first.mean())

@@ -32,31 +32,33 @@ def with_unmeasured_angles(fitted: Fit) -> Fit:
     J = joint_jacobian(fitted.equilibrium)
     size = tuple(_size(fitted, J[:, :, joint], joint) for joint in range(model.arm.dof))
     unmeasured = UnmeasuredAngles(tuple(map(_distinct, poses.q.T)), size)
-    found = replace(model, within=replace(model.within, unmeasured=unmeasured))
-    return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
+    ranged = replace(model, within=replace(model.within, unmeasured=unmeasured))
+    return replace(fitted, model=ranged, equilibrium=replace(fitted.equilibrium, model=ranged))
 
 
 def _distinct(angle: Array) -> tuple[float, ...]:
     """Some of the angles, ascending, so that each is within `APART` of one."""
     kept = list[float]()
-    for one in np.unique(angle).tolist():
-        if not kept or one - kept[-1] > APART:
-            kept.append(one)
+    for level in np.unique(angle).tolist():
+        if not kept or level - kept[-1] > APART:
+            kept.append(level)
     return tuple(kept)
 
 
 def _size(fitted: Fit, J: Array, joint: int) -> float:
     """Standard deviation of a joint's unknown error (rad); J (N, 3): ∂TCP/∂q of it."""
-    found, own = _found_by_free_forms(fitted, joint)
+    by_forms, by_model = _found_by_free_forms(fitted, joint)
     seen = np.isfinite(fitted.residual).all(axis=1)
-    J, residual = J[seen], fitted.residual[seen] + J[seen] * found[seen, None]
+    J, residual = J[seen], fitted.residual[seen] + J[seen] * by_forms[seen, None]
     at = _levels(fitted.equilibrium.poses.q[seen, joint])
-    known = np.bincount(at, (J * J).sum(axis=1))
-    error = np.divide(np.bincount(at, (J * residual).sum(axis=1)), known, out=np.zeros_like(known), where=known > 0.0)
-    variance = np.divide(fitted.sigma**2, known, out=np.full_like(known, np.inf), where=known > 0.0)
+    weights = np.bincount(at, (J * J).sum(axis=1))
+    error = np.divide(
+        np.bincount(at, (J * residual).sum(axis=1)), weights, out=np.zeros_like(weights), where=weights > 0.0
+    )
+    variance = np.divide(fitted.sigma**2, weights, out=np.full_like(weights, np.inf), where=weights > 0.0)
     told = TYPICAL**2 / (TYPICAL**2 + variance)
     excess = (told * (error**2 - np.where(told > 0.0, variance, 0.0))).sum()
-    freedom = max(float(told.sum()) - own, 0.0)
+    freedom = max(float(told.sum()) - by_model, 0.0)
     return float(np.sqrt((TYPICAL**2 + max(float(excess), 0.0)) / (1.0 + freedom)))
 
 
@@ -68,12 +70,12 @@ def _levels(angle: Array) -> NDArray[np.int64]:
 def _found_by_free_forms(fitted: Fit, joint: int) -> tuple[Array, int]:
     """(N,), error of a joint that free forms found (rad); number of its parameters that have a formula, and a zero."""
     model, equilibrium = fitted.model, fitted.equilibrium
-    slot, found, own = model.chain.joint_slots[joint], np.zeros(len(equilibrium.poses)), 1
+    slot, forms_error, own_size = model.chain.joint_slots[joint], np.zeros(len(equilibrium.poses)), 1
     for bound in model.binding.bound:
         if "angle" in bound.effect.depends_on and slot in bound.slots:
             if bound.effect.is_free_form:
                 amounts = bound.at(equilibrium.poses, bound.own_loads(equilibrium.tau))
-                found = found + amounts[bound.slots.index(slot)]
+                forms_error = forms_error + amounts[bound.slots.index(slot)]
             else:
-                own += sum(key in model.free for key in bound.effect.keys)
-    return found - found.mean(), own
+                own_size += sum(key in model.free for key in bound.effect.keys)
+    return forms_error - forms_error.mean(), own_size

@@ -43,11 +43,11 @@ def _capsules(arm: Arm) -> ArmSolids:
     points: dict[tuple[int, Vector3], int] = {(i, (0.0, 0.0, 0.0)): i for i in range(len(arm.frame_names))}
     links = tuple(
         (
-            points.setdefault((one.frame, one.start), len(points)),
-            points.setdefault((one.frame, one.end), len(points)),
-            one.radius,
+            points.setdefault((capsule.frame, capsule.start), len(points)),
+            points.setdefault((capsule.frame, capsule.end), len(points)),
+            capsule.radius,
         )
-        for one in arm.shapes.capsules
+        for capsule in arm.shapes.capsules
     )
     return ArmSolids(tuple(points)[len(arm.frame_names) :], links, shaped=True)
 

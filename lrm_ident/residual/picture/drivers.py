@@ -18,19 +18,25 @@ NO_FUNCTION, MUCH_BETTER = 0.1, 0.5
 
 
 def drawn_over(
-    effect: Effect, form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
+    effect: Effect, form: Array, covariates_known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
 ) -> tuple[Covariate, ...]:
     """Drivers that a form is drawn over: of an effect of two angles the one that it follows, or both; else any."""
     joints = joint_numbers(effect.place) if "angle" in effect.depends_on else ()
-    angles = {one.joint: one for one in known if one.kind == "angle"}
-    own = tuple(angles[joint] for joint in joints if joint in angles)  # of an effect that couples two joints: both
-    own = own if len(own) == 2 else ()
-    single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
-    return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
+    angles = {covariate.joint: covariate for covariate in covariates_known if covariate.kind == "angle"}
+    angles_of_effect = tuple(
+        angles[joint] for joint in joints if joint in angles
+    )  # of an effect that couples two joints: both
+    angles_of_effect = angles_of_effect if len(angles_of_effect) == 2 else ()
+    single = [
+        covariate
+        for covariate in angles_of_effect
+        if von_neumann_ratio(form[observable], scaled(covariate.values[observable])) <= NO_FUNCTION
+    ]
+    return tuple(single[:1]) or angles_of_effect or drivers_of(form, covariates_known, joint, observable)
 
 
 def drivers_of(
-    form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
+    form: Array, covariates_known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
 ) -> tuple[Covariate, ...]:
     """The driver of which the form is a function most nearly; a second one where it is a function of two only.
 
@@ -40,8 +46,8 @@ def drivers_of(
     Args:
         form: (N,), NaN nowhere that is observable. known: at the same poses; joint: from 0.
     """
-    order = sorted(known, key=lambda one: one.joint != joint)
-    shown, seen = form[observable], [scaled(one.values[observable]) for one in order]
+    order = sorted(covariates_known, key=lambda covariate: covariate.joint != joint)
+    shown, seen = form[observable], [scaled(covariate.values[observable]) for covariate in order]
     ratios = [von_neumann_ratio(shown, values) for values in seen]
     least = min(ratios)
     first = next(i for i, ratio in enumerate(ratios) if ratio <= 1.05 * least + 1e-9)

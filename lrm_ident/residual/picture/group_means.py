@@ -30,9 +30,9 @@ def explained_by_means(turns: Array, lever: Array, values: Array) -> Array:
     Args:
         turns: (n, M), rad. lever: (n, M), squared motion of the TCP for a unit turn (m²/rad²). values: (M,).
     """
-    found, group = levels(values, DECIMALS)
-    groups, poses = min(len(found), GROUPS), len(values)
-    if len(found) > GROUPS:
+    unique, group = levels(values, DECIMALS)
+    groups, poses = min(len(unique), GROUPS), len(values)
+    if len(unique) > GROUPS:
         group = np.argsort(np.argsort(values, kind="stable"), kind="stable") * GROUPS // poses
     weight, moment = (np.stack([np.bincount(group, row) for row in of]) for of in (lever, lever * turns))
     mean = moment.sum(axis=1) ** 2 / np.maximum(weight.sum(axis=1), 1e-30)
@@ -47,22 +47,22 @@ def joints_of(place: str, dof: int) -> Sequence[int]:
 
 
 def shown_most(
-    explained: Sequence[Array], known: Sequence[Covariate], joints: Sequence[int]
+    explained: Sequence[Array], covariates_known: Sequence[Covariate], joints: Sequence[int]
 ) -> tuple[int, ExplanatoryVariable | None]:
     """The joint and the variable whose chart shows most; None where none is known.
 
     Args:
-        explained: (n,), of every covariate of `known`. joints: those to choose from.
+        explained: (n,), of every covariate of `covariates_known`. joints: those to choose from.
     """
     most = max((float(squares[joint]) for squares in explained for joint in joints), default=0.0)
     near = [
-        (known[k].joint != joint, -float(squares[joint]), joint, k)
+        (covariates_known[k].joint != joint, -float(squares[joint]), joint, k)
         for k, squares in enumerate(explained)
         for joint in joints
         if squares[joint] >= AS_MUCH * most
     ]
     *_, joint, k = min(near, default=(True, 0.0, joints[0], 0))
-    return joint, known[k].variable if known else None
+    return joint, covariates_known[k].variable if covariates_known else None
 
 
 FOLLOWED: Mapping[str, tuple[str, ...]] = {
@@ -75,20 +75,26 @@ FOLLOWED: Mapping[str, tuple[str, ...]] = {
 """Kinds of covariates that stand for what an effect's law depends on."""
 
 
-def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
+def of_law(effect: Effect, covariates_known: Sequence[Covariate]) -> Sequence[Covariate]:
     """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time.
 
     Hysteresis follows the last motion, a spring its torque, a base the moments on it, a warming the time, a tracker
     that stretches the tip's position.
     """
     if kind_of(effect) is Target.FRAME and "time" not in effect.depends_on:
-        return [one for one in known if one.kind in AXES] or known
+        return [covariate for covariate in covariates_known if covariate.kind in AXES] or covariates_known
     kinds = {kind for what in effect.depends_on for kind in FOLLOWED.get(what, ())}
-    own = joint_numbers(effect.place.partition(BY)[2] or effect.place)  # of a coupling the joint that turns another
-    joints = {None, *(own or range(effect.arm.dof))}
-    found = [one for one in known if one.kind in kinds and one.joint in joints]
-    found += [one for one in known if one.slot in loaded_slots(effect)]
-    return found or [one for one in known if one.kind not in (*FOLLOWED["time"], *LOCAL)] or known
+    turned_joints = joint_numbers(
+        effect.place.partition(BY)[2] or effect.place
+    )  # of a coupling the joint that turns another
+    joints = {None, *(turned_joints or range(effect.arm.dof))}
+    following = [covariate for covariate in covariates_known if covariate.kind in kinds and covariate.joint in joints]
+    following += [covariate for covariate in covariates_known if covariate.slot in loaded_slots(effect)]
+    return (
+        following
+        or [covariate for covariate in covariates_known if covariate.kind not in (*FOLLOWED["time"], *LOCAL)]
+        or covariates_known
+    )
 
 
 def fair_rows(residual: Array, poses: int) -> NDArray[np.int64] | None:

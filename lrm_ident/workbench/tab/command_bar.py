@@ -62,37 +62,43 @@ class WorkShown:
 
     def show(self) -> None:
         """Shows how far the work is now."""
-        now = self.session.progress
-        self.work.set_visibility(now is not None)
-        if now is not None:
-            self.what.set_text(self._words(now))
-            self.bar.set_visibility(now.of > 0)
-            self.bar.set_value(now.done / now.of if now.of else 0.0)
+        progress = self.session.progress
+        self.work.set_visibility(progress is not None)
+        if progress is not None:
+            self.what.set_text(self._words(progress))
+            self.bar.set_visibility(progress.of > 0)
+            self.bar.set_value(progress.done / progress.of if progress.of else 0.0)
 
-    def _words(self, now: WorkProgress) -> str:
+    def _words(self, progress: WorkProgress) -> str:
         """The running task, how far it is, and how long the rest takes at this rate."""
         clock = time.monotonic()
-        if now.what != self.task or now.done == 0:
-            self.task, self.begun = now.what, clock
-        if not now.of:
-            return now.what
-        spent, words = clock - self.begun, f"{now.what}: {now.done} of {now.of}"
-        if not now.done or spent < SURE_AFTER_S:
+        if progress.what != self.task or progress.done == 0:
+            self.task, self.begun = progress.what, clock
+        if not progress.of:
+            return progress.what
+        spent, words = clock - self.begun, f"{progress.what}: {progress.done} of {progress.of}"
+        if not progress.done or spent < SURE_AFTER_S:
             return words
-        return f"{words}, {max(1.0, spent / now.done * (now.of - now.done)):.0f} s left"
+        return f"{words}, {max(1.0, spent / progress.done * (progress.of - progress.done)):.0f} s left"
 
 
 def file_notices(session: WorkbenchSession, button: Button) -> None:
     """Two lines below the bar of one tab, each shown only while there is something to decide."""
     with ui.element("div").classes("lrm-notice").props('id="lrm-stale" role=alert') as stale:
         changed = "{} has changed on disk. What is shown is as it was read."
-        ui.label().bind_text_from(session, "step", lambda one: changed.format(one.files.data.name) if one else "")
+        ui.label().bind_text_from(session, "step", lambda step: changed.format(step.files.data.name) if step else "")
         button(PageAction("Reload", session.reload, "read the file as it is now; the model stays"))
         button(PageAction("Keep", session.keep, "go on with the measurements as they were read"))
     stale.bind_visibility_from(session, "stale")
     with ui.element("div").classes("lrm-notice").props('id="lrm-offer" role=status') as offer:
         words = "Last session with {}: {}"
-        ui.label().bind_text_from(session, "offered", lambda one: words.format(one.data.name, one.model) if one else "")
+        ui.label().bind_text_from(
+            session,
+            "offered",
+            lambda offer_made: words.format(offer_made.data.name, offer_made.model) if offer_made else "",
+        )
         button(PageAction("Go on", session.resume, "open the model and the measurements of the last session"))
         button(PageAction("Not now", session.decline, "stay here"))
-    offer.bind_visibility_from(session, "offered", lambda one: one is not None and len(session.taken.steps) <= 1)
+    offer.bind_visibility_from(
+        session, "offered", lambda offer_made: offer_made is not None and len(session.taken.steps) <= 1
+    )

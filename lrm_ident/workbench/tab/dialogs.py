@@ -27,22 +27,22 @@ TOUR_BUTTONS = (
 """What they say, how they look, and the stop that they go to."""
 
 
-def search_dialog(found: SearchResult, session: WorkbenchSession, do: Do) -> None:
+def search_dialog(result: SearchResult, session: WorkbenchSession, do: Do) -> None:
     """Shows what a search found and offers its file, and the button that adds a law; or says why there is nothing."""
     with _dialog("lrm-search", "result of the search", "lrm-wide") as dialog:
-        ui.label(found.sentence).classes("lrm-verdict text-weight-bold")
+        ui.label(result.sentence).classes("lrm-verdict text-weight-bold")
         ui.html('<div id="lrm-next-arms" class="lrm-arms"></div>', sanitize=False)
         with _buttons(dialog, "close-search"):
-            if found.effect:
+            if result.effect:
                 _button("Add the law", lambda: _closing(dialog, do, session.add_law))
-            if found.file is not None:
-                _button("Download", partial(ui.download.file, found.file))
-        if found.effect:
-            ui.label(f"Kept in {found.file}: read it, and say what causes it.").classes("lrm-small")
-        if found.problem:
-            ui.label(found.problem).classes("lrm-failure").props("role=alert")
-        ui.html(found.words, sanitize=False).classes("lrm-numbers")
-        ui.run_javascript(f"setTimeout(() => lrm.nextPoses({found.arms}))")
+            if result.file is not None:
+                _button("Download", partial(ui.download.file, result.file))
+        if result.effect:
+            ui.label(f"Kept in {result.file}: read it, and say what causes it.").classes("lrm-small")
+        if result.problem:
+            ui.label(result.problem).classes("lrm-failure").props("role=alert")
+        ui.html(result.words, sanitize=False).classes("lrm-numbers")
+        ui.run_javascript(f"setTimeout(() => lrm.nextPoses({result.arms}))")
 
 
 def save_dialog(session: WorkbenchSession, do: Do) -> None:

@@ -49,11 +49,11 @@ SHOWN_MS = 300
 def head_html() -> str:
     """HTML of the head. The library of charts is the largest file; nothing waits for it."""
     addresses = [f"{folder}/{file.name}" for folder, files in FILES.items() for file in files]
-    styles = "".join(f'<link rel="stylesheet" href="{one}">' for one in addresses if one.endswith(".css"))
-    library, *scripts = [one for one in addresses if one.endswith(".js")]
+    styles = "".join(f'<link rel="stylesheet" href="{address}">' for address in addresses if address.endswith(".css"))
+    library, *scripts = [address for address in addresses if address.endswith(".js")]
     return f"""{styles}
 <script async src="{library}" onload="window.lrm && lrm.ready()"></script>
-{"".join(f'<script defer src="{one}"></script>' for one in scripts)}
+{"".join(f'<script defer src="{script}"></script>' for script in scripts)}
 <script>{assets.PROLOGUE}
 document.documentElement.lang = "en";
 addEventListener("load", () => Quasar.LoadingBar.setDefaults({{ hijackFilter: () => false }}));
@@ -107,12 +107,12 @@ class WorkbenchPage:
                 with ui.element("summary"):
                     ui.label("Menu")
                 with ui.element("div").classes("lrm-menu-list"):
-                    for one in self._menu():
-                        if one is None:
+                    for action in self._menu():
+                        if action is None:
                             ui.element("hr")
                         else:
-                            with self._button(one):
-                                ui.label(one.hint)
+                            with self._button(action):
+                                ui.label(action.hint)
 
     def _menu(self) -> Iterator[PageAction | None]:
         """All that may be done but what is advised; None: a line between."""
@@ -144,18 +144,18 @@ class WorkbenchPage:
         return "next poses", PageAction("Choose the next poses", session.next_poses, MEASURE, "", "ready")
 
     def _show_advised(self) -> None:
-        name, one = self._advised()
-        self.primary.set_text(one.text)
-        self.primary.props(f'data-name="{name}" title="{one.hint}"')
-        self.primary.set_enabled(getattr(self.session, one.able))
+        name, action = self._advised()
+        self.primary.set_text(action.text)
+        self.primary.props(f'data-name="{name}" title="{action.hint}"')
+        self.primary.set_enabled(getattr(self.session, action.able))
         self.name.set_text(self.chosen["name"] if self.chosen else "")
 
-    def _button(self, one: PageAction) -> ui.button:
+    def _button(self, action: PageAction) -> ui.button:
         """A button; an address opens by itself: browsers block tabs that a script opens after the server's answer."""
-        link, do = (f' href="{one.do}" target="_blank"', None) if isinstance(one.do, str) else ("", one.do)
-        button = ui.button(one.text, on_click=None if do is None else lambda: self._do(do))
-        button.props(f'no-caps unelevated dense outline data-name="{one.text.lower()}" title="{one.hint}"{link}')
-        return button.bind_enabled_from(self.session, one.able) if one.able else button
+        link, do = (f' href="{action.do}" target="_blank"', None) if isinstance(action.do, str) else ("", action.do)
+        button = ui.button(action.text, on_click=None if do is None else lambda: self._do(do))
+        button.props(f'no-caps unelevated dense outline data-name="{action.text.lower()}" title="{action.hint}"{link}')
+        return button.bind_enabled_from(self.session, action.able) if action.able else button
 
     # ---- refreshing
 
@@ -182,11 +182,11 @@ class WorkbenchPage:
         self.numbers.set_content(self._numbers(step.numbers))
         ui.run_javascript(f"setTimeout(() => lrmGlossary(document.querySelector('.lrm-numbers')), {SHOWN_MS})")
 
-    def _numbers(self, found: str) -> str:
+    def _numbers(self, numbers: str) -> str:
         last = self.session.taken.search_result
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
         notes = section_html("What to know of the files", notices)
-        return notes + ("" if last is None else section_html(html.escape(last.sentence), last.words)) + found
+        return notes + ("" if last is None else section_html(html.escape(last.sentence), last.words)) + numbers
 
     # ---- doing
 
@@ -201,13 +201,16 @@ class WorkbenchPage:
 
     def _press(self, key: str) -> None:
         session = self.session
-        deeds = {one.key: one.do for one in self._menu() if one} | {"a": self._add, "advised": self._advised()[1].do}
+        deeds = {action.key: action.do for action in self._menu() if action} | {
+            "a": self._add,
+            "advised": self._advised()[1].do,
+        }
         deeds["escape"] = session.cancel if session.progress is not None else lambda: ui.run_javascript(END_TOUR)
         if callable(do := deeds.get(key)):
             self._do(do)
 
-    def _choose(self, one: dict[str, str] | None) -> None:
-        self.chosen = one
+    def _choose(self, choice: dict[str, str] | None) -> None:
+        self.chosen = choice
         self._show_advised()
 
     def _add(self) -> None:

@@ -54,14 +54,14 @@ class RoverLink:
         if self._state is None:
             raise LrmError(self.failure)
         joints, mode = self._state
-        known = dict(zip(joints.names, joints.q_rad, strict=True))
+        angles = dict(zip(joints.names, joints.q_rad, strict=True))
         names = [f"joint{i + 1}" for i in range(model.arm.dof)]
-        missing = [name for name in names if name not in known]
+        missing = [name for name in names if name not in angles]
         if missing:
             raise LrmError(f"the robot '{self.rover.robot}' has no {missing[0]}: is it another arm?")
-        q, load = np.array([known[name] for name in names]), mode.payload_kg
+        q, load = np.array([angles[name] for name in names]), mode.payload_kg
         poses, models = poses_of(q, load), (model_of(model.arm, ()), model)
-        nominal, bent = (arm_lines(solve_equilibrium(one, poses))[0] * 1e3 for one in models)
+        nominal, bent = (arm_lines(solve_equilibrium(model, poses))[0] * 1e3 for model in models)
         x, y, z = bent[-1]
         words = (
             f"{mode.mode} ({mode.why}); q {' '.join(f'{angle:.1f}' for angle in np.degrees(q))} deg, load "

@@ -39,9 +39,13 @@ MOST_RIVALS = 4
 
 def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResult:
     """Chooses and keeps the next poses. Raises `LrmError`: none can tell any rivals apart, or too few are clear."""
-    found = unpacked(asked.packed)
-    left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
-    noise_mm = float(f"{left / sqrt(3.0):.3g}")  # the floor that the data show, else all that the last step leaves
+    report = unpacked(asked.packed)
+    error_left = (
+        report.floor_mm if report.floor_mm is not None else error_stats(report.field.steps[-1].residual).rms / MM
+    )
+    noise_mm = float(
+        f"{error_left / sqrt(3.0):.3g}"
+    )  # the floor that the data show, else all that the last step leaves
     arm, data = study.model.arm, study.data
     loads_g = sorted({round(float(load) / GRAM, 3) for load in (data.poses.payload.min(), data.poses.payload.max())})
     problem = DesignProblem(
@@ -59,7 +63,7 @@ def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResu
         measured_weights=data.whitening,
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
-    ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
+    ranking: Any = [] if report.diagnosis is None else report.diagnosis.values["ranking"]
     rules = ClearanceRules(floor=floor_above_table(arm))
     offer = clear_poses(arm, (), [load * GRAM for load in loads_g], rules, SEED)
     best: tuple[tuple[str, ...], DesignProblem, PoseDesign] | None = None
@@ -116,7 +120,7 @@ def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], 
     Those come first that the data cannot tell from it, then the next ones of the ranking; one empty pair where there is
     no evidence for any: then poses are chosen for the parameters alone.
     """
-    names = [str(EffectRef(one["effect"], one["place"])) for one in ranking]
+    names = [str(EffectRef(candidate["effect"], candidate["place"])) for candidate in ranking]
     if not names or ranking[0]["verdict"] == "no_evidence":
         return ((),)
     rest = dict.fromkeys([*ranking[0]["indistinguishable_from"], *names[1:]])

@@ -82,10 +82,10 @@ def diagnose_step(task: tasks.DiagnoseTask, send: tasks.Send) -> None:
     send(tasks.WorkProgress("held-out error"))
     study = _study(task.files, send)
     compared = study.compare()
-    found = with_comparison(tasks.unpacked(task.packed), compared)
-    send(step_found(task.files, found))
-    found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study), compared=compared))
-    send(step_found(task.files, found))
+    report = with_comparison(tasks.unpacked(task.packed), compared)
+    send(step_found(task.files, report))
+    report = with_diagnosis(report, study.diagnose(screened=_screened(task.files, study), compared=compared))
+    send(step_found(task.files, report))
 
 
 @run_task.register
@@ -125,9 +125,13 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
 
     def on_progress(what: str, done: int, of: int) -> None:
         """Says which round it is, and how far the last one brought the error."""
-        known = [*errors, *coming]
-        fall = f": {' → '.join(known[-2:])} mm" if known else ""
-        send(tasks.WorkProgress(f"auto, round {max(len(known), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
+        errors_so_far = [*errors, *coming]
+        fall = f": {' → '.join(errors_so_far[-2:])} mm" if errors_so_far else ""
+        send(
+            tasks.WorkProgress(
+                f"auto, round {max(len(errors_so_far), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of
+            )
+        )
 
     study = replace(_study(task.files, send), progress=on_progress)
     study.auto(on_step=on_step, on_confirmed=on_confirmed)
@@ -136,12 +140,15 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
 @run_task.register
 def propose(task: tasks.ProposeTask, send: tasks.Send) -> None:
     """Looks for a law, and keeps its file."""
-    found = _study(task.files, send).propose()
-    title, *rest = proposal_document(found).blocks
+    proposal = _study(task.files, send).propose()
+    title, *rest = proposal_document(proposal).blocks
     result = tasks.SearchResult(str(title), blocks_html(rest), command=task.files.command("propose"))
-    if found.best is not None:
-        write_text(task.kept, found.best.source)
-        effect, command = f"{law_id(found.best.law)}@joint{found.best.law.joint + 1}", ("propose", "-o", task.kept)
+    if proposal.best is not None:
+        write_text(task.kept, proposal.best.source)
+        effect, command = (
+            f"{law_id(proposal.best.law)}@joint{proposal.best.law.joint + 1}",
+            ("propose", "-o", task.kept),
+        )
         result = replace(result, command=task.files.command(*command), file=task.kept, effect=effect)
     send(result)
 
@@ -160,21 +167,21 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
 
 
 def step_found(
-    files: tasks.OpenFiles, found: ModelReport, command: tasks.DoneCommand | None = None
+    files: tasks.OpenFiles, report: ModelReport, command: tasks.DoneCommand | None = None
 ) -> tasks.StepResult:
     """Result of a step: title, verdict, figures and tables of its report, for the page."""
-    file = found.file
+    file = report.file
     return tasks.StepResult(
         files,
-        title=f"{file.arm} · {found.poses.source.path.name} · {found.field.poses} poses",
-        data_sha256=found.poses.source.sha256,
-        diagnosed=found.diagnosis is not None,
-        complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
-        values=values_text(figure_values(found)),
-        numbers=numbers_html(found),
+        title=f"{file.arm} · {report.poses.source.path.name} · {report.field.poses} poses",
+        data_sha256=report.poses.source.sha256,
+        diagnosed=report.diagnosis is not None,
+        complete=report.diagnosis is not None and report.diagnosis.values["verdict"] == "nothing_missing",
+        values=values_text(figure_values(report)),
+        numbers=numbers_html(report),
         model=model_text(file),
         before=model_text(undo_step(file)) if len(file.history) > 1 else None,
-        packed=pickle.dumps(found),
+        packed=pickle.dumps(report),
         command=command,
     )
 
@@ -187,7 +194,7 @@ def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:
 def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None, part: Part) -> Measurements:
     """Measurements, read anew only where files or reading have changed. Raises `FileError`, `Misread`."""
     beside = path.with_suffix(".toml")
-    hashes = (sha256_of(one) if one.is_file() else "" for one in (path, beside))
+    hashes = (sha256_of(file) if file.is_file() else "" for file in (path, beside))
     content = f"{path} {' '.join(hashes)} {arm_name} {reading!r} {usual!r} {part!r}"
     known_arm, data = _READ.get(content, (None, None))
     if data is None or known_arm != arm:
@@ -198,8 +205,8 @@ def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading 
 
 
 def _tell(notices: Iterable[str | Notice], send: tasks.Send) -> None:
-    for one in notices:
-        send(tasks.WorkNotice(str(one)))
+    for notice in notices:
+        send(tasks.WorkNotice(str(notice)))
 
 
 def _send_step(
@@ -208,8 +215,8 @@ def _send_step(
     """Sends the step of files; gives all that is known of it, packed. `before`: the same of the step before."""
     study = _study(files, send)
     _tell(study.notices, send)
-    found = quick_report(study)
-    step = step_found(files, found if before is None else after_step(found, tasks.unpacked(before)), command)
+    report = quick_report(study)
+    step = step_found(files, report if before is None else after_step(report, tasks.unpacked(before)), command)
     send(step)
     return step.packed
 
@@ -222,7 +229,7 @@ def _screened(files: tasks.OpenFiles, study: Study) -> Diagnosis:
     """The screening of a step, made once in a process: `add` needs the one that its ranking came from."""
     content = f"{sha256_of(files.model)} {study.data.source.sha256} {files.effects_file}"
     if content not in _LAST:
-        found = study.screen()
+        screening = study.screen()
         _LAST.clear()
-        _LAST[content] = found
+        _LAST[content] = screening
     return _LAST[content]

@@ -89,35 +89,35 @@ def follow_file(source: Path, folder: Path) -> FollowedFile:
 
 def keep_dropped(folder: Path, contents: Mapping[str, bytes]) -> dict[str, Path]:
     """Writes dropped files to a folder; by ending and schema they are `data`, `model` or `arm`. Raises `FileError`."""
-    found: dict[str, Path] = {}
+    kept_files: dict[str, Path] = {}
     for name, content in contents.items():
         path = folder / Path(name).name
         path.write_bytes(content)
         kind = _kind(path)
-        if kind in found:
+        if kind in kept_files:
             raise FileError(path.name, "", f"a second file that is {kind}", "drop one data set and one model at a time")
         if kind != "metadata":
-            found[kind] = path
-    return found
+            kept_files[kind] = path
+    return kept_files
 
 
-def task_for(dropped: Mapping[str, Path], now: OpenFiles | None) -> OpenTask:
+def task_for(dropped: Mapping[str, Path], open_files: OpenFiles | None) -> OpenTask:
     """The task that opens dropped files. To a data set alone a model is fitted, a model alone takes the data at hand.
 
     Raises `FileError`.
     """
-    data = dropped.get("data", None if now is None else now.data)
+    data = dropped.get("data", None if open_files is None else open_files.data)
     if data is None:
         raise FileError(
             dropped.get("model", dropped.get("arm")), "", "there are no measurements yet", "drop a .csv with it"
         )
-    if set(dropped) == {"data"} and now is not None:
+    if set(dropped) == {"data"} and open_files is not None:
         # here, since the page would wait for all that it needs
         from lrm_ident.data.measurement_file.conventions import metadata_of
 
         metadata = metadata_of(data)
         if metadata is None or metadata.arm is None:
-            return OpenTask(data, now.model)
+            return OpenTask(data, open_files.model)
     return OpenTask(data, dropped.get("model"), str(dropped["arm"]) if "arm" in dropped else None)
 
 

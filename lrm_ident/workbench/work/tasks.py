@@ -186,8 +186,8 @@ WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeT
 
 def unpacked(packed: bytes) -> ModelReport:
     """ModelReport that came from our own process."""
-    found: ModelReport = pickle.loads(packed)
-    return found
+    report: ModelReport = pickle.loads(packed)
+    return report
 
 
 def kept_name(number: int) -> str:

@@ -65,9 +65,9 @@ class _SlowSpring(EffectWithMemory):
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
         """Time constants; whether the arm hung unloaded before; and, where the times between poses differ, where it
         waited: before a move or after it. With equal times the two differ by a spring only."""
-        found = {p.name: p.scan for p in self.parameters if p.scan and p.name != "stood_s"}
-        known = poses.history is None or _even(poses.history.visits.step)
-        return {name: scan for name, scan in found.items() if name != "late_s_per_s" or not known}
+        scans = {p.name: p.scan for p in self.parameters if p.scan and p.name != "stood_s"}
+        even_steps = poses.history is None or _even(poses.history.visits.step)
+        return {name: scan for name, scan in scans.items() if name != "late_s_per_s" or not even_steps}
 
     def yielded(
         self,
@@ -88,8 +88,8 @@ class _SlowSpring(EffectWithMemory):
         for motion, (a, load) in enumerate(zip(k, tau, strict=True)):
             if isinstance(a, Dual) or a:
                 lag = partial(_lag, self, poses.history.visits, pace, motion)
-                past, own = map(poses.history.own, differentiable(lag, *shapes))
-                out.append(a * (past + own * load))
+                past, held_now = map(poses.history.own, differentiable(lag, *shapes))
+                out.append(a * (past + held_now * load))
             else:
                 out.append(0.0)
         return out
@@ -149,8 +149,8 @@ class Creep(_SlowSpring):
 
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
         """As every slow spring; before the first pose it hung unloaded, or had been loaded for long."""
-        found = super().shapes_to_try(poses)
-        return found | {"rest_s": (0.0, LONG_S)}
+        scans = super().shapes_to_try(poses)
+        return scans | {"rest_s": (0.0, LONG_S)}
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """k c."""
@@ -198,17 +198,17 @@ class CreepSpectrum(_SlowSpring):
         """Σ k_i c_i."""
         size = len(self.targets)
         *k, fast, slow, late = p
-        one, other = (
+        first, other = (
             self.yielded(poses, tau, some, constant, LONG_S, LONG_S, late, pace)
             for pace, (some, constant) in enumerate(((k[:size], fast), (k[size:], slow)))
         )
-        return tuple(a + b for a, b in zip(one, other, strict=True))
+        return tuple(a + b for a, b in zip(first, other, strict=True))
 
     def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
         """c of each motion at each pace (N·m)."""
         fast, slow, late = p[-3:]
-        one, other = (self.lagging(visits, x, LONG_S, LONG_S, late, pace) for pace, x in enumerate((fast, slow)))
-        return (*one, *other)
+        first, other = (self.lagging(visits, x, LONG_S, LONG_S, late, pace) for pace, x in enumerate((fast, slow)))
+        return (*first, *other)
 
 
 def _even(step: Array) -> bool:

@@ -40,8 +40,8 @@ class SelfHeating(EffectWithMemory, JointEffect):
         visits = poses.history.visits
         held, [start] = self._losses(visits), self.began(visits)
         parts = differentiable(lambda slow: first_order_lag(visits, held, start, slow), constant)
-        past, own = map(poses.history.own, parts)
-        return ((zero + gain * poses.angle(self.joint)) * (past + own * poses.history.own(held)),)
+        past, held_now = map(poses.history.own, parts)
+        return ((zero + gain * poses.angle(self.joint)) * (past + held_now * poses.history.own(held)),)
 
     def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
         """θ (N²m²)."""

@@ -156,8 +156,8 @@ class KernelModel:
         if not drawn.memory.has_form:
             return None
         best, there, aim = np.array(q), np.array(slots), np.ascontiguousarray(target)
-        found = self._call("ik_cube", drawn.memory, centre, side, points, aim, tolerance, best, there)
-        return (best, there) if found else None
+        seen_pose = self._call("ik_cube", drawn.memory, centre, side, points, aim, tolerance, best, there)
+        return (best, there) if seen_pose else None
 
     def search(
         self, goal: Goal, towards: Sequence[float], near: Sequence[float] | None, starts: Sequence[int]
@@ -166,14 +166,14 @@ class KernelModel:
 
         `starts`: numbers of poses of the library that the latter are sought from, each if the one before finds none.
         """
-        found, here = KernelFound(), None if near is None else as_bytes(near)
+        result, here = KernelFound(), None if near is None else as_bytes(near)
         if goal.constraints == 6 and self.joints <= 6:
-            self._call("ik_pose", goal_numbers(goal), here, found)
-            return found
+            self._call("ik_pose", goal_numbers(goal), here, result)
+            return result
         for count in starts:
-            if self._call("ik_free", goal_numbers(goal), goal.constraints, as_bytes(towards), here, count, found):
+            if self._call("ik_free", goal_numbers(goal), goal.constraints, as_bytes(towards), here, count, result):
                 break
-        return found
+        return result
 
     def hold(self, slots: Array, side: Array) -> tuple[Array, Array, Array] | None:
         """All slots (V,), loads (V,) and command (n,) with the joints at their amounts in slots (V,), each from a side.
@@ -188,21 +188,23 @@ class KernelModel:
         self, goal: Goal, slots: Array, near: Sequence[float] | None = None
     ) -> tuple[Array, Array, KernelFound] | None:
         """Slots (V,) at the goal, from slots (V,), the loads, the command coming from `near`; None: not reached."""
-        s, tau, found = np.array(slots), np.empty(self.slots), KernelFound()
+        s, tau, result = np.array(slots), np.empty(self.slots), KernelFound()
         here = None if near is None else as_bytes(near)
-        reached = self._call("ik_newton", goal_numbers(goal), goal.constraints, here, s, tau, found)
-        return (s, tau, found) if reached else None
+        reached = self._call("ik_newton", goal_numbers(goal), goal.constraints, here, s, tau, result)
+        return (s, tau, result) if reached else None
 
     def nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], Array] | None:
         """The nearest command (n,), rad, and the tool frame (4, 4) there; None if the arm does not settle.
 
         `starts`: commands to start from, beside the closest poses of the library.
         """
-        found, more = KernelFound(), b"".join(map(as_bytes, starts))
-        if not self._call("ik_nearest", goal_numbers(goal), goal.constraints, DESCENTS, KEPT, len(starts), more, found):
+        result, more = KernelFound(), b"".join(map(as_bytes, starts))
+        if not self._call(
+            "ik_nearest", goal_numbers(goal), goal.constraints, DESCENTS, KEPT, len(starts), more, result
+        ):
             return None
-        tcp, _ = self.forward(np.array([found.at[0].slots[: self.slots]]))
-        return tuple(found.at[0].q[: self.joints]), tcp[0]
+        tcp, _ = self.forward(np.array([result.at[0].slots[: self.slots]]))
+        return tuple(result.at[0].q[: self.joints]), tcp[0]
 
 
 def packed(

@@ -106,8 +106,8 @@ def _parameters(bound: BoundEffect) -> tuple[float, ...]:
     """Parameters of a law: those of the effect; of a gain of all joints that of both sides, of a coupling also the
     number of the joint that turns the other, of a law of the torque that is held beyond its range the range's ends."""
     if isinstance(bound.effect, NonlinearStiffness):
-        known = {} if bound.within is None else bound.within.load
-        return (*bound.p, *known.get(bound.effect.targets[0], EVERYWHERE))
+        load_within = {} if bound.within is None else bound.within.load
+        return (*bound.p, *load_within.get(bound.effect.targets[0], EVERYWHERE))
     if isinstance(bound.effect, CommonGain):
         return bound.p * 2
     if isinstance(bound.effect, Coupling):

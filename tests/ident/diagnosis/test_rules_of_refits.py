@@ -185,6 +185,7 @@ def test_doubts_go_on_from_step_to_step_but_not_to_the_last(
     monkeypatch.setattr(auto, "diagnose", lambda *_: SimpleNamespace(data=rows))
     for function in ("_start", "_step", "_evidence"):
         monkeypatch.setattr(auto, function, lambda *_: step)
+    monkeypatch.setattr(auto, "_with_candidates", lambda run: run)
     nothing: Any = None
     auto.run_auto(nothing, rows, most)
     assert known == doubts
@@ -349,6 +350,7 @@ def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
     before = confirm.ConfirmedDiagnosis(diagnosis, blocks, None, (one,), refused, refits=refits)  # type: ignore[arg-type]
     shown: Any = SimpleNamespace(
         diagnosis=diagnosis,
+        explained=0.75,
         share=0.5,
         describes=False,
         replicates=True,

@@ -42,7 +42,7 @@ def rounded(values: Array, decimals: int) -> Any:
 
 
 def candidate_view(
-    ranked: RankedCandidate, found: Diagnosis, known: Sequence[Covariate], rows: NDArray[np.int64]
+    ranked: RankedCandidate, diagnosis: Diagnosis, covariates_known: Sequence[Covariate], rows: NDArray[np.int64]
 ) -> dict[str, Any]:
     """Values that the page draws of a candidate, in mm and degrees, at the drawn poses; null where it was not screened.
 
@@ -57,27 +57,27 @@ def candidate_view(
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
     """
     scored, effect = ranked.scored, ranked.effect
-    fitted, data = found.screening.subset
+    fitted, data = diagnosis.screening.subset
     weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns(scored.shape)
     alone = (columns @ best_estimate(ranked)).reshape(len(data), -1)[:, :3]
     added = weigh.positions(scored.added)
-    turns = joint_turns(alone, found.joint_jacobian)
-    lever = (found.joint_jacobian**2).sum(axis=1)
+    turns = joint_turns(alone, diagnosis.joint_jacobian)
+    lever = (diagnosis.joint_jacobian**2).sum(axis=1)
     joints = joints_of(effect.place, len(lever))
-    joint = max(joints, key=lambda one: float((turns[one] ** 2 * lever[one]).sum()))
-    beyond = joint_turns(added, found.joint_jacobian)
-    lawful = of_law(effect, known)
-    explained = [explained_by_means(beyond, lever, one.values) for one in lawful]
-    around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
+    joint = max(joints, key=lambda number: float((turns[number] ** 2 * lever[number]).sum()))
+    beyond = joint_turns(added, diagnosis.joint_jacobian)
+    lawful = of_law(effect, covariates_known)
+    explained = [explained_by_means(beyond, lever, covariate.values) for covariate in lawful]
+    around = turns[joint] + joint_turns(fitted.residual - added, diagnosis.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    followed = [one.take(drawn) for one in of_law(effect, known)]
+    followed = [covariate.take(drawn) for covariate in of_law(effect, covariates_known)]
     drivers = drawn_over(effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, lawful, joints)
-    parameters = {one.name: one for one in effect.parameters}
-    about, function = effect.about, found.unexplained.spurious.get(scored.name)
+    parameters = {parameter.name: parameter for parameter in effect.parameters}
+    about, function = effect.about, diagnosis.unexplained.spurious.get(scored.name)
     resembles = "" if function is None else function_name(function)
     refused = reason_words(scored.implausible) if scored.implausible else resembles
     return {

@@ -39,37 +39,45 @@ UNKNOWN = "–"
 """For an error that is not known."""
 
 
-def figure_values(found: ModelReport) -> dict[str, Any]:
+def figure_values(report: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
-    known = {} if found.diagnosis is None else found.diagnosis.values
-    following = () if found.conclusion is None else found.conclusion.next
-    story, turns, lever = found.story, found.field.steps[-1].turns, found.field.lever
-    shared = [one for one in found.covariates if one.kind not in LOCAL]
-    left = [explained_by_means(turns, lever, one.values) for one in shared]
-    joint, driver = shown_most(left, shared, range(len(lever)))
-    drawn = {name for one in found.candidates for name in (one["driver"], one["second"], one["shown"]["driver"])}
-    drawn |= {card.driver for card in found.cards} | {variable_name(one.variable) for one in shared}
-    cards = zip(found.cards, story.later if story else (), found.attributions, strict=True)
+    diagnosis_values = {} if report.diagnosis is None else report.diagnosis.values
+    following = () if report.conclusion is None else report.conclusion.next
+    story, turns, lever = report.story, report.field.steps[-1].turns, report.field.lever
+    shared = [covariate for covariate in report.covariates if covariate.kind not in LOCAL]
+    explained = [explained_by_means(turns, lever, covariate.values) for covariate in shared]
+    joint, driver = shown_most(explained, shared, range(len(lever)))
+    drawn = {
+        name
+        for candidate in report.candidates
+        for name in (candidate["driver"], candidate["second"], candidate["shown"]["driver"])
+    }
+    drawn |= {card.driver for card in report.cards} | {variable_name(covariate.variable) for covariate in shared}
+    cards = zip(report.cards, story.later if story else (), report.attributions, strict=True)
     return {
-        **_drawn(found.field, found.poses),
+        **_drawn(report.field, report.poses),
         "drivers": [
-            {"name": variable_name(one.variable), "label": axis_label(one.variable), "values": rounded(one.shown, 4)}
-            for one in found.covariates
-            if variable_name(one.variable) in drawn
+            {
+                "name": variable_name(covariate.variable),
+                "label": axis_label(covariate.variable),
+                "values": rounded(covariate.shown, 4),
+            }
+            for covariate in report.covariates
+            if variable_name(covariate.variable) in drawn
         ],
-        "verdict": found.verdict,
-        "facts": [[label, words, label in FIRST] for label, words in found.facts],
-        "steps": [_step(found, number) for number in range(len(found.field.steps))],
+        "verdict": report.verdict,
+        "facts": [[label, words, label in FIRST] for label, words in report.facts],
+        "steps": [_step(report, number) for number in range(len(report.field.steps))],
         "unseen": UNSEEN,
         "story": None if story is None else waterfall_values(story),
-        "cards": [_card(found, story is not None and story.held_out, *each) for each in cards],
-        "floor": found.floor_mm,
-        "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
+        "cards": [_card(report, story is not None and story.held_out, *each) for each in cards],
+        "floor": report.floor_mm,
+        "marked": {why: list(numbers) for why, numbers in (report.marked or {}).items()},
         # shown first: the chart that shows most of what the model leaves
-        "fails": found.diagnosis is None or not Verdict(str(known["verdict"])).quiet,
+        "fails": report.diagnosis is None or not Verdict(str(diagnosis_values["verdict"])).quiet,
         "where": {"joint": joint, "driver": variable_name(driver) if driver else ""},
         "next": [[label, one.sentence, list(filter(_copied, one.commands))] for label, one in labelled(following)],
-        "ranking": _ranking(found, known.get("ranking", ())),
+        "ranking": _ranking(report, diagnosis_values.get("ranking", ())),
     }
 
 
@@ -85,7 +93,7 @@ def waterfall_values(story: Story) -> dict[str, Any]:
         for title, mm in (*story.ends, *([story.noise] if story.noise else []))
     ]
     noise = ends.pop() if story.noise else None
-    steps = [{**plain(one), "left": in_mm(one.rms_mm * MM)} for one in story.steps]
+    steps = [{**plain(step), "left": in_mm(step.rms_mm * MM)} for step in story.steps]
     return {**plain(story), "steps": steps, "ends": ends, "noise": noise, "longest": story.longest}
 
 
@@ -123,17 +131,17 @@ def values_text(values: Mapping[str, Any]) -> str:
     return json.dumps(values, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
 
 
-def _step(found: ModelReport, number: int) -> dict[str, Any]:
+def _step(report: ModelReport, number: int) -> dict[str, Any]:
     """A step with its errors; `here`: whether these are of the open data; `held`: then the held-out one, as printed."""
-    step, lever = found.field.steps[number], found.field.lever
+    step, lever = report.field.steps[number], report.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
-    entry = found.file.history[number] if found.file.history else None
-    here = entry is not None and of_data(entry, found.poses.source.sha256)
+    entry = report.file.history[number] if report.file.history else None
+    here = entry is not None and of_data(entry, report.poses.source.sha256)
     held = entry.held_out_rms_mm if entry is not None and here else None
     return {
         "name": step.name,
         "title": step.name if entry is None else GEOMETRY if entry.name.kind == FIT else step_title(entry.name),
-        "verdict": (found.judged or {}).get(number, ""),
+        "verdict": (report.judged or {}).get(number, ""),
         "here": here,
         "rms": in_mm(step.error.rms),
         "held": "" if held is None else in_mm(held * 1e-3),
@@ -143,16 +151,18 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
 
 
 def _card(
-    found: ModelReport, held_out: bool, card: StepCard, fall: StoryStep, shown: StepAttribution | None
+    report: ModelReport, held_out: bool, card: StepCard, fall: StoryStep, shown: StepAttribution | None
 ) -> dict[str, Any]:
     """A card with the errors of its step, and what that shows: an identified cause, a candidate, or none."""
-    kind, floor, before, after = None if shown is None else shown.kind, found.floor_mm, fall.before_rms_mm, fall.rms_mm
-    weighted = found.poses.several_kinds
+    kind, floor, before, after = None if shown is None else shown.kind, report.floor_mm, fall.before_rms_mm, fall.rms_mm
+    weighted = report.poses.several_kinds
     excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
-    ratio = None if shown is None or found.diagnosis is None else unexplained_ratio(fall.explained, shown.unexplained)
-    own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
+    ratio = None if shown is None or report.diagnosis is None else unexplained_ratio(fall.explained, shown.unexplained)
+    card_values = {
+        key: value for key, value in plain(card).items() if key != "evidence"
+    }  # what is shown of it stands below
     return {
-        **own,
+        **card_values,
         "held_out": held_out,
         "fall": arrow(before * MM, after * MM),
         "sketch": words_of(card.name, "sketch"),
@@ -167,15 +177,15 @@ def _card(
     }
 
 
-def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
+def _ranking(report: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     """The candidates: the one that the verdict names, its rivals, others with support in the order of `diagnose`, then
     by the error that they would leave."""
-    views, weighted, order = {view["name"]: view for view in found.candidates}, found.poses.several_kinds, [*Standing]
+    views, weighted, order = {view["name"]: view for view in report.candidates}, report.poses.several_kinds, [*Standing]
     named = [(str(EffectRef(advice["effect"], advice["place"])), advice) for advice in ranking]
     out = [_candidate(views[name], advice, weighted) for name, advice in named if name in views]
     top = 0 if not out or out[0]["verdict"] == Support.NO_EVIDENCE else 1
     left = {one["name"]: one["heldOut"] * (one["standing"] != Standing.BESIDE) for one in out}
-    return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
+    return out[:top] + sorted(out[top:], key=lambda entry: (order.index(entry["standing"]), left[entry["name"]]))
 
 
 def _gain(advice: Mapping[str, Any], weighted: bool) -> float | None:
