@@ -127,7 +127,10 @@ def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel]) -
     expected = ""
     match fault["type"]:
         case "missing":
+            field = next((field for name, field in schema.model_fields.items() if key in (name, field.alias)), None)
+            constant = get_args(field.annotation) if field is not None and not table else ()
             what = f"missing key {key}"
+            expected = f'write {key} = "{constant[0]}"' if constant and isinstance(constant[0], str) else ""
         case "extra_forbidden":
             what, expected = f"unknown key {key}", name_suggestion(str(key), _valid_keys(schema, table))
         case _:

@@ -187,7 +187,9 @@ def auto(
                 executor_for(cluster, effects_file, FOLDS) as pool,
                 timed(time, None if nested else UNASKED_S) as shown,
             ):
-                whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
+                whole = replace(study, progress=shown).nested_held_out(
+                    pool, max_effects, rates, course.diagnosis.outliers
+                )
         except TakesLonger as longer:
             least = in_minutes(longer.expected)
             whole = NestedResidual(None, f"it would take at least {least}; ask for it with --nested")

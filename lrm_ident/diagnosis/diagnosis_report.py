@@ -26,6 +26,7 @@ from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.deployment.forecast_error import forecast_error
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.free_functions import FreeFunction
+from lrm_ident.residual.influential_poses import InfluentialPoses, influential_poses
 from lrm_ident.residual.parameter_hints import ParameterHint, parameter_hints
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
@@ -97,6 +98,7 @@ class DiagnosisReport(ShownInNotebook):
         indistinguishable: of effects of the model (`effect@place`), those that the poses could not distinguish from
             them when they were added.
         beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.
+        influential: poses that alone determine the model where they are, if most of the held-out error is theirs.
     """
 
     diagnosis: Diagnosis
@@ -113,6 +115,7 @@ class DiagnosisReport(ShownInNotebook):
     misspecified: tuple[str, ...] = ()
     beside: str = ""
     indistinguishable: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    influential: InfluentialPoses | None = None
 
     def __repr__(self) -> str:
         fit = self.diagnosis.fit
@@ -193,6 +196,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         hints=parameter_hints(diagnosis.fit),
         replicates=confirmed.replicates,
         misspecified=confirmed.misspecified,
+        influential=influential_poses(diagnosis.fit.residual, confirmed.held_out),
     )
 
 

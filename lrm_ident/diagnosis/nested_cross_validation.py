@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -38,6 +39,7 @@ def nested_held_out(
     progress: OnProgress = silent,
     loss: Loss = SQUARED,
     rates: EffectRates | None = None,
+    left_out: Sequence[int] = (),
 ) -> NestedResidual:
     """Held-out residual where each joint-space fold is predicted by an `auto` on the other folds.
 
@@ -45,6 +47,8 @@ def nested_held_out(
 
     Args:
         executor: on which the folds run in parallel (`executor_for`).
+        left_out: numbers of the poses that `auto` on all of them left out as outliers. Its errors are without them, so
+            the nested one is, too; they are in the folds, as in the data that a user has.
     """
     fold = held_out_folds(data)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
@@ -57,7 +61,9 @@ def nested_held_out(
             last = np.intersect1d(last, rows_as_deployed(predicted.model, data.poses))
     except LrmError as error:
         return NestedResidual(None, str(error))
-    return NestedResidual(residual, deployed=DeployedError.of_residual(deployed, last), chosen=tuple(chosen))
+    judged = ~np.isin(data.pose, left_out)
+    on_arm = DeployedError.of_residual(deployed[judged], np.flatnonzero(np.isin(np.flatnonzero(judged), last)))
+    return NestedResidual(residual[judged], deployed=on_arm, chosen=tuple(chosen))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
@@ -18,11 +19,13 @@ from lrm_ident.report.document import Block, CommandLine, Document, ResultTable,
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.text.notices import fit_words
+from lrm_ident.report.text.poses import influential_poses_sentence
 from lrm_ident.report.text.residuals import predictable_sentence, why_not_held_out
 from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
+from lrm_ident.residual.error_breakdown import Factor, HeldOutResidual, ModelComparison, PoseGroup
 from lrm_ident.residual.gravity_loads import usual_turns
+from lrm_ident.residual.influential_poses import influential_poses
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates
@@ -118,7 +121,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     unseen = "" if held_out is None else f"; {wording.UNSEEN} it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
-        *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
+        *_beside_noise(noise_floor(data, fit.equilibrium), errors.held_out, fit.residual, data.pose),
         *error_blocks(errors, f"{poses_count(len(data))}, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (estimate.sentence for estimate in implausible_of(fit))),
         *_unlike_the_drawing(fit),
@@ -179,17 +182,24 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
         )
 
 
-def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
-    """How the held-out error (m) compares with the noise of the measurement, where both are known.
+def _beside_noise(
+    floor: NoiseFloor, held_out: HeldOutResidual, residual: Array, numbers: NDArray[np.int64]
+) -> Iterator[str]:
+    """How the held-out error compares with the noise of the measurement, where both are known.
 
     By repeated poses the noise is at most so large: what the model lacks can make repeats differ, too.
+    `residual`: (N, 3), m, of the fit. `numbers`: (N,), of the poses.
     """
-    if (noise := floor.rms) is None or held_out is None:
+    if (noise := floor.rms) is None or held_out.residual is None or held_out.error is None:
         return
-    times = held_out / noise
+    times = held_out.error.rms / noise
+    influential = influential_poses(residual, held_out.residual)
+    if influential and times >= MUCH:
+        yield influential_poses_sentence(influential, numbers)
+        return
     what = "noise of repeated poses" if floor.source == "replicates" else "stated noise"
     lacks = "no effect is known to be missing" if times < MUCH else "the model lacks some effect"
-    yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): {lacks}."
+    yield f"{in_mm(held_out.error.rms)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): {lacks}."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
@@ -220,7 +230,7 @@ def comparison_document(comparison: ModelComparison, files: Sequence[str] = ()) 
     title = f"{poses_count(len(data))}, {free} parameters"
     blocks = [
         heading(f"{title}: RMS error {in_mm(comparison.error.rms)} mm{unseen}."),
-        *_beside_noise(noise_floor(data, comparison.equilibrium), held_out),
+        *_beside_noise(noise_floor(data, comparison.equilibrium), comparison.held_out, comparison.residual, data.pose),
         *_depends_on(comparison.factors),
         *error_blocks(errors, ""),
         *(() if field is None else field_blocks(comparison, field)),

@@ -220,13 +220,22 @@ class Study(ModelOnData, ShownInNotebook):
         return replace(self, source=with_course(self.file, course, nested))
 
     def nested_held_out(
-        self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
+        self,
+        executor: Executor,
+        max_effects: int = MAX_EFFECTS,
+        rates: EffectRates | None = None,
+        left_out: Sequence[int] = (),
     ) -> NestedResidual:
-        """Nested cross-validation: held-out residual of `auto`, effects selected anew in every fold, on an executor."""
+        """Nested cross-validation: held-out residual of `auto`, effects selected anew in every fold, on an executor.
+
+        `left_out`: numbers of the poses that `auto` left out, and at which it is not judged.
+        """
         from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 
         study, tick = self.with_dimensions(), partial(self.progress, "choosing anew in every fold")
-        return nested_held_out(study.model, study.data, executor, max_effects, study.catalogue, tick, study.loss, rates)
+        return nested_held_out(
+            study.model, study.data, executor, max_effects, study.catalogue, tick, study.loss, rates, left_out
+        )
 
     def fit_all(self, prior: str) -> Study:
         """Fits all parameters of the model together with a prior (name or path). Raises `LrmError`."""

@@ -95,7 +95,7 @@ WRONG: list[tuple[str, str, str, list[str]]] = [
     ("unknown key", "baud = 115200", "bauds = 115200", ["link", "unknown key bauds", "did you mean baud?"]),
     ("unknown table", "[ramp]", "[rampe]", ["unknown key rampe", "did you mean ramp?"]),
     ("another schema", "lrm/daemon/1", "lrm/daemon/2", ["schema", "should be 'lrm/daemon/1'"]),
-    ("no schema", 'schema = "lrm/daemon/1"', "", ["missing key schema"]),
+    ("no schema", 'schema = "lrm/daemon/1"', "", ['missing key schema; write schema = "lrm/daemon/1"']),
     ("no robot", 'robot = "rover"', "", ["missing key robot"]),
     ("robot with a wildcard", '"rover" ', '"ro/*er"', ["robot", "should", "A-Za-z0-9_-"]),
     ("no port", 'port = "/dev/lrm-arm"', "", ["link", "missing key port"]),

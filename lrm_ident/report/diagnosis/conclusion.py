@@ -23,7 +23,7 @@ from lrm_ident.report.plain_names import enumerate_effects, plain_name, with_id
 from lrm_ident.report.text.advice import hopeless_words
 from lrm_ident.report.text.claims import claim_sentence
 from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames, NextStep, labelled
-from lrm_ident.report.text.poses import limitation_sentence, where_measured
+from lrm_ident.report.text.poses import influential_poses_sentence, limitation_sentence, where_measured
 from lrm_ident.report.text.residuals import predictable_brief, regime_brief, scale_sentence, shifted_sentence
 from lrm_ident.residual.data_audit import LimitationKind
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
@@ -133,6 +133,8 @@ def _facts(assessment: Assessment) -> Iterator[tuple[str, str]]:
     yield "order", order(assessment)
     yield "where", regime_brief(report.patterns.regimes[0]) if report.patterns.regimes else ""
     yield "far off", " ".join(far_poses(report))
+    if cause is None and report.influential is not None:
+        yield "influential", influential_poses_sentence(report.influential, report.diagnosis.data.pose)
     rows = map(shifted_sentence, report.diagnosis.shifted)
     yield "rows", " ".join(f"{words[0].upper()}{words[1:]}." for words in rows)
     yield "left out", left_out(report.diagnosis)

@@ -4,8 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lrm_ident.data.wording import in_mm
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.wording import enumerate_words, in_mm
 from lrm_ident.residual.data_audit import Limitation, LimitationKind, MeasuredAngles
+from lrm_ident.residual.influential_poses import InfluentialPoses
+
+INFLUENTIAL_SHOWN = 3
+
+
+def influential_poses_sentence(poses: InfluentialPoses, numbers: NDArray[np.int64]) -> str:
+    """That some poses alone determine the model where they are. `numbers`: (N,), of all poses."""
+    far = [f"{numbers[row]} ({in_mm(size)} mm)" for row, size in zip(poses.rows, poses.distances, strict=True)]
+    which, them = ("pose", "it") if len(far) == 1 else ("poses", "them")
+    listed = enumerate_words(far, INFLUENTIAL_SHOWN)
+    return (
+        f"Most of the held-out error is that of {which} {listed}: the other poses do not predict {them}. "
+        f"They have {in_mm(poses.others)} mm RMS. Measure more poses nearby: no other shows what the arm does there."
+    )
 
 
 def limitation_sentence(limitation: Limitation) -> str:
