@@ -23,7 +23,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, nuisance_shapes
 from lrm_ident.fitting.priors import Prior, with_range_priors
 from lrm_math.arrays import Array
-from lrm_math.errors import LrmError
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.covariance import Covariance, ImplausibleEstimate, implausible_estimates
 from lrm_math.model.deployed_model import field_of
 from lrm_math.model.equilibrium import Equilibrium, measured_range, solve_equilibrium
@@ -150,7 +150,10 @@ def fit(
 def _is_found_from_command(followed: Equilibrium) -> bool:
     """Whether who has the model alone finds these equilibria, or others, where an effect is so steep that a pose has
     several: the steps of a fit, each begun at the equilibrium before it, may follow one that nobody else finds."""
-    found = solve_equilibrium(followed.model, followed.poses)
+    try:
+        found = solve_equilibrium(followed.model, followed.poses, tolerance=SAME_EQUILIBRIUM / 10.0)
+    except NoEquilibrium:
+        return False
     return bool(np.abs(found.true_tcp - followed.true_tcp).max(initial=0.0) <= SAME_EQUILIBRIUM)
 
 

@@ -36,15 +36,16 @@ from tests.support.scaled_arm import scaled_arm
 pytestmark = pytest.mark.long
 
 POSES = 40
+OUTPUTS = {"OUT": "out.toml", "CSV": "out.csv", "HTML": "out.html"}
 Door = Callable[[Path, Path], str]
 """Takes the path of measurements and of a model, and gives the message that refuses them."""
 
 
 def by_command(*words: object) -> Door:
-    """A command; `DATA`, `MODEL` and `OUT` stand for its files."""
+    """A command; `DATA`, `MODEL` and the names of `OUTPUTS` stand for its files."""
 
     def door(data: Path, model: Path) -> str:
-        files = {"DATA": data, "MODEL": model, "OUT": data.parent / "out.toml", "HTML": data.parent / "out.html"}
+        files = {"DATA": data, "MODEL": model} | {name: data.parent / path for name, path in OUTPUTS.items()}
         code, _, said = run_command(*(files.get(str(word), word) for word in words))
         assert code == 2, said
         assert len([line for line in said.splitlines() if line.startswith("error: ")]) == 1
@@ -68,7 +69,7 @@ DOORS: dict[str, Door] = {
     "report": by_command("report", "MODEL", "DATA", "-o", "HTML"),
     "transfer": by_command("transfer", "MODEL", "DATA", "--to", "two-joint", "-o", "OUT"),
     "propose": by_command("propose", "MODEL", "DATA"),
-    "choose-poses": by_command("choose-poses", "DATA", "-n", 20, "--arm", "two-joint", "-o", "OUT"),
+    "choose-poses": by_command("choose-poses", "DATA", "-n", 20, "--arm", "two-joint", "-o", "CSV"),
     "lrm.load": lambda data, _: refused(lambda: lrm.load(data, arm="two-joint")),
     "lrm.read_study": lambda data, model: refused(lambda: lrm.read_study(model, data)),
     "workbench": lambda data, _: refused(lambda: run_task(OpenTask(data, None, "two-joint"), lambda _: None)),
@@ -237,7 +238,7 @@ def at_arm_file(*words: object) -> Callable[[Path, str], str]:
     def door(folder: Path, rule: str) -> str:
         arm = put(folder / "arm.toml", ARM_RULES[rule][0])
         data = put(folder / "data.csv", text(table(POSES)))
-        files = {"ARM": arm, "DATA": data, "OUT": folder / "out.toml"}
+        files = {"ARM": arm, "DATA": data} | {name: folder / path for name, path in OUTPUTS.items()}
         return said_by(*(files.get(str(word), word) for word in words))
 
     return door
@@ -274,7 +275,7 @@ ARM_DOORS: dict[str, Callable[[Path, str], str]] = {
     "arm import": at_import,
     "arm show": at_arm_file("arm", "show", "ARM"),
     "fit --arm": at_arm_file("fit", "DATA", "--arm", "ARM", "-o", "OUT"),
-    "design": at_arm_file("design", "ARM", "-n", 12, "-o", "OUT"),
+    "design": at_arm_file("design", "ARM", "-n", 12, "-o", "CSV"),
     "reach": at_arm_file("reach", "ARM"),
     "identify-parameters": at_arm_file("identify-parameters", "ARM", "DATA"),
     "selftest": at_arm_file("selftest", "ARM", "DATA"),
@@ -291,7 +292,7 @@ def test_every_rule_of_arms_is_tried() -> None:
 def test_every_rule_of_arms_holds_at_every_door(rule: str, door: str, tmp_path: Path) -> None:
     said = ARM_DOORS[door](tmp_path, rule)
     assert re.search(rf"--accept {rule}\b|accepted = \[\"{rule}\"\]", said), said
-    assert not (tmp_path / "out.toml").exists()
+    assert not any((tmp_path / path).exists() for path in OUTPUTS.values())
 
 
 TAKES: dict[str, tuple[dict[str, Any], ...]] = {
