@@ -64,8 +64,10 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     best = min(others, key=lambda candidate: candidate.held_out_rms)
     least, mark = best.held_out_rms, "" if best.exact else "≈ "
     curves = (candidate for candidate in report.ranking if candidate is not first and candidate.effect.is_free_form)
-    if any(curve.held_out_rms < least for curve in curves):
-        return f"other causes leave {mark}{in_mm(least)} mm or more, splines less"
+    curve = min(curves, key=lambda candidate: candidate.held_out_rms, default=best)
+    if curve.held_out_rms < least:
+        smooth = f"a smooth curve, which names no cause, {'' if curve.exact else '≈ '}{in_mm(curve.held_out_rms)} mm"
+        return f"other causes leave {mark}{in_mm(least)} mm or more; {smooth}"
     return f"every other known cause leaves {mark}{in_mm(least)} mm or more"
 
 

@@ -51,6 +51,8 @@ def _of_an_effect(assessment: Assessment, names: CommandNames) -> Iterator[NextS
     yield say.add_effect(names, first.name, words, say.WITHOUT_POSES if distinguishing else "")
     if cause is not None and not (cause.equivalent or distinguishing):
         yield say.add_all(names)
+    if cause is not None and not assessment.identified and assessment.report.diagnosis.floor.rms is None:
+        yield say.diagnose_again(names, say.CHECK_NOISE, say.FOR_THE_CAUSE)
     yield from _more_than_poses(assessment, names)
     if cause is None or not assessment.identified:
         yield say.no_repair_yet()

@@ -97,9 +97,9 @@ def measure_what(names: CommandNames, needs: Sequence[str]) -> NextStep:
     return NextStep(words, tuple(map(names.command, FIT_ANEW)), FOR_THE_CAUSE)
 
 
-def diagnose_again(names: CommandNames, words: str) -> NextStep:
+def diagnose_again(names: CommandNames, words: str, lead: str = "") -> NextStep:
     """What to measure before the same diagnosis is made once more."""
-    return NextStep(words, (names.command("lrm-ident diagnose {model} {data}"),))
+    return NextStep(words, (names.command("lrm-ident diagnose {model} {data}"),), lead)
 
 
 def propose_formula(names: CommandNames, lead: str) -> NextStep:
