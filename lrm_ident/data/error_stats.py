@@ -14,6 +14,7 @@ CHI1_MEDIAN, CHI3_MEDIAN = 0.6744898, 1.5381724
 """Medians of the chi distribution with one and three degrees of freedom: of a number, and of a distance whose axes have
 a deviation of 1."""
 WITHIN_95 = NormalDist().inv_cdf(0.975)
+FEW_SQUARES = 20
 """Standard errors about an estimate that hold 95 %."""
 
 
@@ -22,7 +23,8 @@ class ErrorStats:
     """Mean, RMS, maximum and standard deviation over poses of the 3-D distance (m).
 
     `turn_rms`: RMS angle between measured and predicted orientation (rad), where orientations were measured.
-    `rms_between`: 95 % confidence interval of the RMS (m) at other poses that are drawn as these were; None: of one.
+    `rms_between`: 95 % confidence interval of the RMS (m) at other poses that are drawn as these were, if the errors of
+    poses are independent; None: of few poses.
     """
 
     mean: float
@@ -54,10 +56,12 @@ def error_stats(residual: Array, turn: Array | None = None) -> ErrorStats:
 
 
 def _rms_between(squares: Array) -> tuple[float, float] | None:
-    """The interval of the root of a mean of squares (N,): its logarithm is taken as normal (delta method)."""
-    mean = float(squares.mean())
-    if len(squares) < 2 or not mean:
+    """The interval of the root of a mean of independent squares (N,): its logarithm has Student's distribution (delta
+    method). None of fewer than `FEW_SQUARES`, whose scatter tells too little of rare large ones."""
+    mean, more = float(squares.mean()), len(squares) - 1
+    if more + 1 < FEW_SQUARES or not mean:
         return None
     deviation = float(squares.std(ddof=1)) / math.sqrt(len(squares)) / mean
-    apart, rms = math.exp(0.5 * WITHIN_95 * deviation), math.sqrt(mean)
+    student = WITHIN_95 * (1.0 + (WITHIN_95**2 + 1.0) / (4.0 * more))  # Abramowitz & Stegun 1964, 26.7.5
+    apart, rms = math.exp(0.5 * student * deviation), math.sqrt(mean)
     return rms / apart, rms * apart

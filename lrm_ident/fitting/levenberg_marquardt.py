@@ -141,10 +141,27 @@ def fit(
     most_steps = MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR
     optimum = search.solve(most_steps)
     if not _is_found_from_command(optimum.iterate.equilibrium):
-        optimum = replace(search, objective=ObjectiveFromCommand(model, data, loss, smooth.prior)).solve(most_steps)
+        optimum = _from_command(search, optimum, most_steps)
     fitted = _fit_of(optimum)
     check_arm(fitted.equilibrium, model.free)
     return fitted
+
+
+def _from_command(search: LevenbergMarquardt, followed: Optimum, most_steps: int) -> Optimum:
+    """The better optimum of two searches at the equilibria from the commands: from the start, and from an optimum at
+    others. There the objective has steps, at which a search can end. Raises `LrmError` where neither converges."""
+    before, free = search.objective, search.objective.model.free
+    optima, why = [], LrmError("")
+    for model in (followed.iterate.equilibrium.model, before.model):
+        values = before.model.with_values_of(free, [model.value(key) for key in free])
+        objective = ObjectiveFromCommand(values, before.data, before.loss, before.prior)
+        try:
+            optima.append(replace(search, objective=objective).solve(most_steps))
+        except LrmError as error:
+            why = error
+    if not optima:
+        raise why
+    return min(optima, key=lambda optimum: optimum.objective.value(optimum.iterate, optima[0].noise))
 
 
 def _is_found_from_command(followed: Equilibrium) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import between_words, change_words, decimals, in_mm, in_percent, poses_count
+from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent, poses_count
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.fitting.prior_conflict import unusual_dimensions
@@ -63,13 +63,6 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
     turns_measured = [turn for turn in turns if turn is not None]
     rows: list[tuple[object, ...]] = [(name, *stats_in_mm(error)[:3]) for name, error in stats]
-    unseen = {name for name, _ in stats[2:] if errors.held_out.residual is not None}
-    if unseen:
-        columns.append("RMS, 95 %")
-        rows = [
-            (*row, between_words(error) if name in unseen else "")
-            for row, (name, error) in zip(rows, stats, strict=True)
-        ]
     if turns_measured:
         columns.append(f"orientation RMS, deg|.{decimals(*turns_measured)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]

@@ -13,6 +13,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import BEYOND
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.reversion import Reversion
+from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import field_of
@@ -41,8 +42,14 @@ class PositionUncertainty:
 def position_uncertainty(
     settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
 ) -> PositionUncertainty | None:
-    """Standard deviation at the first pose: see `prediction_covariance`."""
-    every = prediction_covariance(settled, covariance, joint_sd)
+    """Standard deviation at the first pose: see `prediction_covariance`.
+
+    None, too, where the arm does not settle without a candidate law: what this law leaves open is not known there.
+    """
+    try:
+        every = prediction_covariance(settled, covariance, joint_sd)
+    except NoEquilibrium:
+        return None
     return None if every is None else PositionUncertainty(every[0], math.sqrt(float(np.trace(every[0]))))
 
 

@@ -118,7 +118,7 @@ class BoundedFit:
         root = np.asarray(np.linalg.qr(trained, mode="r"))  # as good as all rows
         lower, upper = np.append(self.lower, own_limits[0]), np.append(self.upper, own_limits[1])
         most = 100 * max(len(lower), 1)  # of iterations: each goes down, and few are needed
-        amounts = lsq_linear(root[:-1, :-1], root[:-1, -1], (lower, upper), method="bvls", max_iter=most).x
+        amounts = lsq_linear(root[:, :-1], root[:, -1], (lower, upper), method="bvls", max_iter=most).x
         left = (residual - columns @ amounts)[: linear.measured].reshape(-1, linear.rows)
         held = (amounts <= lower + AT_BOUND) | (amounts >= upper - AT_BOUND)
         as_screened = np.array_equal(held, np.append(self.held, np.zeros(size, dtype=np.bool_)))

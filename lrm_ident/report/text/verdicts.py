@@ -76,10 +76,9 @@ def why_candidate(replicates: bool, misspecified: bool, explained: float, left: 
         return OTHERWISE
     if explained <= 0.0:
         return "it does not lower the error of the tip, so the cause may be another"
-    ratio, limit = unexplained_ratio(explained, left), f"(limit {MAX_UNEXPLAINED_RATIO:.2f})"
-    stays = (
-        f"stays unexplained {limit}, so the cause may be another"
-        if noise_known
-        else f"may stay unexplained {limit}, as the noise is not known"
-    )
+    ratio = unexplained_ratio(explained, left)
+    if not noise_known:  # a third of all that stays was counted (`_above_noise`), so the limit of the whole is one
+        most = ratio / MAX_UNEXPLAINED_RATIO
+        return f"up to {most:.1f} times the squared error that it explains may be another's, as the noise is not known"
+    stays = f"stays unexplained (limit {MAX_UNEXPLAINED_RATIO:.2f}), so the cause may be another"
     return f"{ratio:.1f} times the squared error that it explains {stays}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +14,13 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.effects.measured_range import MeasuredRange
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model import uncertainty
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, parameter_tables, range_table, to_model
-from lrm_math.model.uncertainty import open_covariance
+from lrm_math.model.uncertainty import open_covariance, position_uncertainty
 from lrm_math.model.unseen_angles import beyond_range
 
 LAB = load_arm("lrm-lab")
@@ -68,6 +70,19 @@ def test_a_candidate_that_goes_on_in_proportion_may_be_all_wrong_there(effect: s
     np.testing.assert_allclose(found[:2], np.linalg.norm(apart[:2], axis=1), rtol=0.05)
     assert found[2] == pytest.approx(0.0, abs=1e-9)
     assert not standard_deviation(identified, poses).any()
+
+
+def test_an_arm_that_does_not_settle_without_a_candidate_has_no_known_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before: `NoEquilibrium` of the law's alternative refused a goal that was solved."""
+
+    def does_not_settle(_: Equilibrium) -> Iterator[Array]:
+        raise NoEquilibrium([1], "gives way")
+        yield
+
+    settled = solve_equilibrium(upper_half("backlash@joint2"), poses_of(np.zeros((1, LAB.dof))))
+    assert position_uncertainty(settled, None, [1e-3] * LAB.dof) is not None
+    monkeypatch.setattr(uncertainty, "beyond_range", does_not_settle)
+    assert position_uncertainty(settled, None, [1e-3] * LAB.dof) is None
 
 
 def test_two_candidates_count_each() -> None:
