@@ -136,8 +136,8 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
     if axis := _sorted_by(table):
         yield (
-            f"the rows are sorted by {axis}, so their order is not that of the measurement: directions of approach and "
-            "drifts come out wrong. Sort the rows by time"
+            f"the rows are sorted by {axis}, so perhaps their order is not that of the measurement: then directions of "
+            "approach and drifts come out wrong. Sort the rows by time, or state the times (t_s)"
         )
     yield from time_notices(table)
     first = {pose: row for row, pose in enumerate(number.tolist())}
@@ -149,7 +149,8 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
 
 def _sorted_by(table: NumberTable) -> str:
     """The axis by whose positions many rows are sorted although no joint moves one way; "" if there is none."""
-    if "position" not in table or len(table) < MANY:
+    by_time = "t" in table and bool((np.diff(table["t"][:, 0]) >= 0.0).all())
+    if "position" not in table or by_time or len(table) < MANY:
         return ""
     axes, joints = (_one_way(table[name]) for name in ("position", "angles"))
     return "xyz"[int(np.argmax(axes))] if axes.any() and not joints.any() else ""

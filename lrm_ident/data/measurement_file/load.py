@@ -121,7 +121,7 @@ def load_pose_table(
     said = conventions_of(path, arm, reading)
     how = said.how
     quantities = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
-    table = read_numbers(arm_columns(read_table(path), arm, how, quantities), quantities)
+    table = read_numbers(without_summary(arm_columns(read_table(path), arm, how, quantities)), quantities)
     for _, error in table.beyond:
         raise error
     return read_poses(table, arm, how, said.start, power=said.metadata.power_on).turned(motion_of(how)[0]), table
@@ -139,5 +139,5 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[list[EncoderReadings], flo
     """
     said = conventions_of(path, arm, AS_NAMED)
     quantities = [each for each in measured_quantities(arm, said.how) if each.name in ("angles", "feedback")]
-    table = read_numbers(arm_columns(read_table(path), arm, said.how, quantities), quantities)
+    table = read_numbers(without_summary(arm_columns(read_table(path), arm, said.how, quantities)), quantities)
     return [*EncoderReadings.read(table, said.metadata)], said.metadata.feedback_sd_deg

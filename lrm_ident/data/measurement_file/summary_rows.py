@@ -32,6 +32,8 @@ STATISTICS: dict[str, Callable[[Array], SupportsFloat]] = {
     "quartile": lambda column: np.quantile(column, 0.25),
     "third quartile": lambda column: np.quantile(column, 0.75),
 }  # fmt: skip
+DECIDING = frozenset({"mean", "standard deviation", "standard deviation (n)", "variance"})
+"""One of these must stand among rows whose angles are those of a row above: the median of a sweep is a pose of it."""
 MOST, LEAST_ABOVE = 10, 5
 """Rows that sum a table up, and rows that it has at least."""
 ANGLES = re.compile(r"q\d+_deg")
@@ -51,12 +53,18 @@ def without_summary(cells: CsvTable) -> CsvTable:
         columns = [column[np.isfinite(column)] for column in values[:start].T]
         with np.errstate(all="ignore"):  # whatever is absurd in a cell is said elsewhere
             named = [_statistic([row[j] for j in places], columns) for row in cells.rows[start:]]
-        if all(map(len, columns)) and all(named):
+        if all(map(len, columns)) and all(named) and (not DECIDING.isdisjoint(named) or not _repeat(values, start)):
             lines = enumerate_words([*map(str, cells.lines[start:])], MOST)
             notice = f"line {lines}: {enumerate_words([*filter(None, named)], MOST)} of the rows above, left out"
             kept = replace(cells, rows=cells.rows[:start], lines=cells.lines[:start])
             return replace(kept, notices=(*cells.notices, notice))
     return cells
+
+
+def _repeat(values: Array, start: int) -> bool:
+    """Whether a row from `start` on has the joint angles of a row above, as a pose has that is measured again."""
+    angles = values[:, len(POSITION) :]
+    return any((angles[:start] == row).all(axis=1).any() for row in angles[start:])
 
 
 def _statistic(row: Sequence[str], columns: Sequence[Array]) -> str | None:

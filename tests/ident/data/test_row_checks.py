@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.commanded_poses import after_gap, directions
-from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.observations.encoder_readings import EncoderReadings
@@ -165,13 +165,39 @@ def test_a_last_row_like_any_other_is_a_pose(lab: Arm, tmp_path: Path) -> None:
     assert len(load_measurements(example(tmp_path, rows), lab)) == 81
 
 
+def test_a_pose_that_is_measured_again_after_a_sweep_is_no_median(lab: Arm, tmp_path: Path) -> None:
+    """Every joint runs one way, so the pose in the middle is the median of every column. Before: it was left out."""
+    first, rows = HEADER.index("q1_deg"), rows_of(22)
+    for number, row in enumerate(rows):
+        step = number if number < 21 else 10
+        row[first : first + 6] = [f"{-30 + 3 * step}"] * 6
+        row[-3:] = [
+            f"{200 + 2 * step + 0.1 * step**2:.1f}",
+            f"{-50 + 5 * step - 0.1 * step**2:.1f}",
+            f"{120 + 4.5 * step:.1f}",
+        ]
+    assert len(load_measurements(example(tmp_path, rows), lab)) == 22
+
+
+def test_poses_are_read_without_the_mean_below_them(lab: Arm, tmp_path: Path) -> None:
+    """Before: `predict` took the mean row of a table of measurements for a pose."""
+    rows = rows_of(30)
+    columns = list(zip(*([float(cell) for cell in row] for row in rows), strict=True))
+    rows.append([f"{np.mean(column):.4f}" if k else "31" for k, column in enumerate(columns)])
+    assert len(load_poses(example(tmp_path, rows), lab)) == 30
+
+
 def test_rows_sorted_by_a_position_are_told(lab: Arm, tmp_path: Path) -> None:
     at = HEADER.index("x_mm")
     rows = sorted(([str(k), *row[1:]] for k, row in enumerate(rows_of(60))), key=lambda row: float(row[at]))
     rows = [[str(number), *row[1:]] for number, row in enumerate(rows, start=1)]
     said = load_measurements(example(tmp_path, rows), lab).source.notices
     assert any("the rows are sorted by x" in words for words in said)
-    assert not any("are sorted" in one for one in load_measurements(example(tmp_path, rows_of(60)), lab).source.notices)
+    time = HEADER.index("t_s")
+    timed = [[*row[:time], f"{20 * number}", *row[time + 1 :]] for number, row in enumerate(rows)]
+    for others in (rows_of(60), timed):
+        notices = load_measurements(example(tmp_path, others), lab).source.notices
+        assert not any("are sorted" in words for words in notices), "by time, as they were measured"
 
 
 def test_an_arm_without_masses_is_said_with_its_measurements(lab: Arm, tmp_path: Path) -> None:
