@@ -20,6 +20,7 @@ DAY_ZERO = datetime(1899, 12, 30)
 DATES = {*range(14, 23), *range(45, 48)}
 """Numbers of the built-in formats of dates and times."""
 NUMBER = re.compile(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?")
+JOINT = re.compile(r"\s*(q|j|joint|axis|servo|theta)[ _]?\d", re.IGNORECASE)
 LARGEST = 200 << 20
 """Bytes of an unpacked part that are read."""
 LISTED = 8
@@ -44,6 +45,11 @@ class Sheet:
         return any(sum(map(_is_number, cells.values())) > 1 for cells in self.rows.values())
 
     @property
+    def names_joints(self) -> bool:
+        """Whether a cell is a name of a joint with its number, as in a header of joint angles."""
+        return any(JOINT.match(cell) for cells in self.rows.values() for cell in cells.values())
+
+    @property
     def text(self) -> str:
         """CSV text, the rows on the lines of their numbers."""
         out = io.StringIO()
@@ -55,7 +61,9 @@ class Sheet:
 
 
 def sheet_text(path: Path, content: bytes) -> tuple[str, tuple[str, ...]]:
-    """CSV text of the first sheet that is shown and has numbers, dates in ISO 8601; and notices of what was read.
+    """CSV text of the first sheet that is shown and has numbers, rather one that names joints; and what was read.
+
+    Dates are in ISO 8601.
 
     Raises `FileError`: no workbook, or a damaged one.
     """
@@ -66,7 +74,14 @@ def sheet_text(path: Path, content: bytes) -> tuple[str, tuple[str, ...]]:
             sheets = [*_sheets(parts)]
             if not sheets:
                 raise FileError(path, "", "the workbook has no sheet with cells", "a header, and a row per pose")
-            best = max(sheets, key=lambda one: (one.numbers and not one.hidden, one.numbers))
+            best = max(
+                sheets,
+                key=lambda sheet: (
+                    sheet.numbers and not sheet.hidden,
+                    sheet.numbers and sheet.names_joints,
+                    sheet.numbers,
+                ),
+            )
     except (BadZipFile, KeyError, ElementTree.ParseError, ValueError, IndexError) as error:
         raise FileError(
             path, "", f"looks packed, but is no readable Excel workbook ({error})", "save it as CSV"

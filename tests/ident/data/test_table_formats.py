@@ -431,6 +431,10 @@ TABLE: list[list[object]] = [[*NAMES], *map(list, ROWS)]
 WRONG: list[list[object]] = [[*NAMES], *([*row[:-1], row[-1] + 1] for row in ROWS)]
 BOOKS: dict[str, tuple[dict[str, object], str]] = {
     "notes before": ({"sheets": {"Notes": [["Operator", "Anna"], ["Tuesday"]], "Data": TABLE}}, "not read: 'Notes'"),
+    "dimensions before": (
+        {"sheets": {"Setup": [["link", "length", "mass"], [1, 120, 85], [2, 95.5, 60]], "Data": TABLE}},
+        "read from the sheet 'Data'; not read: 'Setup'",
+    ),
     "an empty sheet before": ({"sheets": {"Empty": [], "Data": TABLE}}, "read from the sheet 'Data'"),
     "a hidden sheet before": ({"sheets": {"Old": WRONG, "Data": TABLE}, "hidden": "Old"}, "not read: 'Old'"),
     "another run behind": ({"sheets": {"Data": TABLE, "Run 2": WRONG}}, "not read: 'Run 2'"),
