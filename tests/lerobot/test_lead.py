@@ -197,3 +197,26 @@ def test_a_joint_is_led_by_its_own_dead_time_alike_in_either_direction(
     np.testing.assert_allclose(own, found[:, 0], atol=1e-9)
     np.testing.assert_allclose(leads(dead_time, -wishes, period), -found, atol=1e-9)
     np.testing.assert_allclose(leads(dead_time[::-1], wishes[:, ::-1], period), found[:, ::-1], atol=1e-9)
+
+
+def test_a_loop_of_ten_a_second_is_led() -> None:
+    """With half a millisecond of jitter. Before: in 16 % of the frames, and by 3 degrees then."""
+    lead, rng, rate = Lead.of(np.full(5, 0.05)), np.random.default_rng(0), math.radians(60.0)
+    found = []
+    for k in range(60):
+        at = 0.1 * k + rng.normal(0.0, 5e-4)
+        lead = lead.after(np.full(5, rate * at), at)
+        found.append(lead.ahead[0])
+    np.testing.assert_allclose(found[5:], 0.05 * rate, rtol=0.05)
+
+
+def test_another_joint_that_shakes_does_not_choose_the_times() -> None:
+    """Wishes at an even pace, passed on 4 ms early or late. Before: 0.41 to 1.66 degrees, beside a joint of 6 Hz."""
+    lead, rng, rate = Lead.of(np.full(5, 0.05)), np.random.default_rng(0), math.radians(30.0)
+    found = []
+    for k in range(120):
+        wish = np.zeros(5)
+        wish[:2] = rate * k / FPS, math.radians(3.0) * math.sin(12.0 * math.pi * k / FPS)
+        lead = lead.after(wish, k / FPS + rng.uniform(-4e-3, 4e-3))
+        found.append(lead.ahead[0])
+    np.testing.assert_allclose(found[10:], 0.05 * rate, rtol=0.1)

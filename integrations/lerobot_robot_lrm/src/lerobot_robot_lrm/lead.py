@@ -21,8 +21,9 @@ SPAN_S = 0.025
 ROUNDING_S = 1e-9
 TREMOR = 1.5 * 2.0 * math.pi / 4096.0
 """rad: a leader's encoder that flickers by one step is not led."""
-LONGEST_GAP_S = 4.0 * SPAN_S
-"""Between two wishes of a stream; what comes later begins anew, so that single goals are not led."""
+LONGEST_GAP_S = 6.0 * SPAN_S
+"""Between two wishes of a stream of 10 a second, one of them half a frame late; what comes later begins anew, so that
+single goals are not led."""
 MEMORY_S = 10.0 * SPAN_S
 """Of the wishes whose pace is judged."""
 FARTHEST_LEAD = math.radians(6.0)

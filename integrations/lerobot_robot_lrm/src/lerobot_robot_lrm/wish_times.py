@@ -20,11 +20,15 @@ def times_of_even_motion(came: Array, wishes: Array) -> Array:
     even = np.linspace(came[0], came[-1], len(came))
     if len(came) < 3 or np.abs(came - even).max() > even[1] - even[0]:
         return came
-    return even if _bend(even, wishes) < _bend(came, wishes) else came
+    by_pace, by_clock = _bend(even, wishes), _bend(came, wishes)
+    both = by_pace + by_clock
+    moves = both > 0.0
+    # relative to each joint: one that really bends its way is as uneven by either, and must not outweigh the others
+    return even if (by_pace[moves] / both[moves]).sum() < 0.5 * np.count_nonzero(moves) else came
 
 
-def _bend(times: Array, wishes: Array) -> float:
-    """rad², squared distances of wishes (N, n) from the straight lines between their neighbours."""
+def _bend(times: Array, wishes: Array) -> Array:
+    """(n,), rad², squared distances of wishes (N, n) from the straight lines between their neighbours."""
     before, after = (times[1:-1] - times[:-2])[:, None], (times[2:] - times[1:-1])[:, None]
     between = (wishes[:-2] * after + wishes[2:] * before) / (before + after)
-    return float(np.square(wishes[1:-1] - between).sum())
+    return np.asarray(np.square(wishes[1:-1] - between).sum(axis=0))
