@@ -114,7 +114,7 @@ def _other_kind(path: Path, tables: dict[str, Any], schema: type[BaseModel]) -> 
         return None
     model_of = tables.get("arm") if stated.startswith("lrm/model/") and expected[0].startswith("lrm/arm/") else None
     hint = f"it is a model of {model_of}: name that arm" if model_of else OTHER_ORDER
-    if stated.rpartition("/")[0] in {one.rpartition("/")[0] for one in expected}:
+    if stated.rpartition("/")[0] in {schema_name.rpartition("/")[0] for schema_name in expected}:
         hint = "another version of the format: update the older of the two programs"
     return FileError(path, "", f"schema = '{stated}'", f"should be '{expected[0]}'; {hint}")
 

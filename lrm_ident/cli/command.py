@@ -136,9 +136,9 @@ def _kind(function: Callable[..., None], name: str) -> str:
 
 def _check_ending(path: Path, option: str, kind: str) -> None:
     """Raises `FileError`: the name of an output ends as that of a file of another kind, as which programs read it."""
-    ending, own = path.suffix.lower(), ENDINGS.get(kind)
-    if own is not None and ending in KNOWN_ENDINGS and ending not in own:
-        raise FileError(path, "", f"{option} writes no {ending} file", f"name it {own[0]}")
+    ending, expected_ending = path.suffix.lower(), ENDINGS.get(kind)
+    if expected_ending is not None and ending in KNOWN_ENDINGS and ending not in expected_ending:
+        raise FileError(path, "", f"{option} writes no {ending} file", f"name it {expected_ending[0]}")
 
 
 def _outputs(values: dict[str, Any], beside: Mapping[str, CompanionFiles]) -> dict[str, Path]:

@@ -145,8 +145,8 @@ def _with_candidates(run: AutoRun) -> AutoRun:
     fit = last.fit
     if fit.model.within is None:
         return run
-    known = (name for name in fit.model.candidates if name not in terms)
-    candidates = (*known, *(name for name, term in terms.items() if term != "identified cause"))
+    stated_before = (name for name in fit.model.candidates if name not in terms)
+    candidates = (*stated_before, *(name for name, term in terms.items() if term != "identified cause"))
     model = replace(fit.model, within=replace(fit.model.within, candidates=candidates))
     stated = replace(fit, model=model, equilibrium=replace(fit.equilibrium, model=model))
     return replace(run, steps=(*before, replace(last, fit=stated)))

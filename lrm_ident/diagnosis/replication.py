@@ -52,24 +52,26 @@ def _halves(screening: Screening, scored: ScoredCandidate) -> Iterator[Halves]:
         yield order[: len(order) // 2], order[len(order) // 2 :]
 
 
-def _chosen(bounded: BoundedFit, halves: Halves, one: ScoredCandidate, rivals: Sequence[ScoredCandidate]) -> bool:
+def _chosen(bounded: BoundedFit, halves: Halves, scored: ScoredCandidate, rivals: Sequence[ScoredCandidate]) -> bool:
     """Whether a candidate predicts both halves better than nothing, and none of the rivals does better."""
     if min(map(len, halves)) < 2:
         return False
-    return all(_predicts_best(bounded.from_poses(known), half, one, rivals) for half, known in (halves, halves[::-1]))
+    return all(
+        _predicts_best(bounded.from_poses(training), half, scored, rivals) for half, training in (halves, halves[::-1])
+    )
 
 
 def _predicts_best(
-    fit: BoundedFit, half: NDArray[np.int64], one: ScoredCandidate, rivals: Sequence[ScoredCandidate]
+    fit: BoundedFit, half: NDArray[np.int64], scored: ScoredCandidate, rivals: Sequence[ScoredCandidate]
 ) -> bool:
     """Whether a candidate predicts a half of the poses, of which the estimates are not made, better than the others."""
     before = fit.baseline.squares[half]
 
-    def predicted(found: Sequence[ScoredCandidate]) -> Array:
-        squares = np.array([each.squares[half] for each in fit.explain_each(found)]).reshape(-1, len(half))
+    def predicted(candidates: Sequence[ScoredCandidate]) -> Array:
+        squares = np.array([each.squares[half] for each in fit.explain_each(candidates)]).reshape(-1, len(half))
         return at_most_outliers(squares, before)
 
-    [own] = predicted([one])
+    [own] = predicted([scored])
     if paired_z(own, before) < ONE_DEVIATION:
         return False
     return not (paired_z_of_each(predicted(rivals), own) > Z_THRESHOLD).any()

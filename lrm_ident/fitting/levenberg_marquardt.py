@@ -168,10 +168,10 @@ def _is_found_from_command(followed: Equilibrium) -> bool:
     """Whether who has the model alone finds these equilibria, or others, where an effect is so steep that a pose has
     several: the steps of a fit, each begun at the equilibrium before it, may follow one that nobody else finds."""
     try:
-        found = solve_equilibrium(followed.model, followed.poses, tolerance=SAME_EQUILIBRIUM / 10.0)
+        from_command = solve_equilibrium(followed.model, followed.poses, tolerance=SAME_EQUILIBRIUM / 10.0)
     except NoEquilibrium:
         return False
-    return bool(np.abs(found.true_tcp - followed.true_tcp).max(initial=0.0) <= SAME_EQUILIBRIUM)
+    return bool(np.abs(from_command.true_tcp - followed.true_tcp).max(initial=0.0) <= SAME_EQUILIBRIUM)
 
 
 def implausible_of(fitted: Fit) -> tuple[ImplausibleEstimate, ...]:

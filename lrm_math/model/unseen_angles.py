@@ -48,5 +48,5 @@ def _goes_on(effect: Effect) -> bool:
 
 
 def _with_held(model: Model, law: Effect) -> Model:
-    effects = tuple(HeldLaw(one.arm, one.place, one) if one is law else one for one in model.effects)
+    effects = tuple(HeldLaw(effect.arm, effect.place, effect) if effect is law else effect for effect in model.effects)
     return replace(model, effects=effects)

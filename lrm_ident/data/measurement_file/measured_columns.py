@@ -77,15 +77,15 @@ def out_of_reach(arm: Arm, table: NumberTable) -> tuple[tuple[int, FileError], .
     rows = np.flatnonzero(np.linalg.norm(away, axis=1) > most).tolist()
     if len(rows) > MISTYPED * len(table):
         return ()
-    found, numbers = [], ",".join(map(str, table.integers("pose")[rows]))
+    beyond, numbers = [], ",".join(map(str, table.integers("pose")[rows]))
     poses = "its pose" if len(rows) == 1 else f"all {len(rows)} such poses"
     for row in rows:
         axis = int(np.argmax(np.abs(away[row])))
         what = f"the position is {np.linalg.norm(away[row]) / MM:.0f} mm from the others, and {arm.name} is "
         what += f"{reach(arm) / MM:.0f} mm long"
         right = f"correct it, or leave {poses} out with --leave-out {numbers}"
-        found.append((row, cell_error(table.cells, row, POSITION[axis], what, right)))
-    return tuple(found)
+        beyond.append((row, cell_error(table.cells, row, POSITION[axis], what, right)))
+    return tuple(beyond)
 
 
 def without_lost(data: Measurements) -> Measurements:

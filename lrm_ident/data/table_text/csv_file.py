@@ -203,12 +203,12 @@ def _without_titles(kept: Sequence[tuple[int, str]]) -> tuple[list[tuple[int, st
     split = [_cells(line, delimiter) for _, line in kept]
     cells = [[cell for cell in row if cell] for row in split]
     widest = max(map(len, cells), default=0)
-    wide = [row for row, found in enumerate(cells) if 2 * len(found) >= widest]
+    wide = [row for row, row_cells in enumerate(cells) if 2 * len(row_cells) >= widest]
     widths = [len(split[row]) for row in wide if any(map(_is_decimal, cells[row]))]
     same = (row for row in wide if widths and len(split[row]) == max(widths, key=widths.count))
     header = next(same, next(iter(wide), 0))
     above = cells[:header]
-    numbers = any(len(found) > 1 and all(map(_is_decimal, found)) for found in above)
+    numbers = any(len(row_cells) > 1 and all(map(_is_decimal, row_cells)) for row_cells in above)
     if not header or numbers or any(map(_is_decimal, cells[header])) or any(map(_is_table, above, above[1:])):
         return [*kept], ()
     lines = "1 line" if header == 1 else f"{header} lines"

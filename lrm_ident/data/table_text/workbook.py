@@ -86,7 +86,7 @@ def sheet_text(path: Path, content: bytes) -> tuple[str, tuple[str, ...]]:
         raise FileError(
             path, "", f"looks packed, but is no readable Excel workbook ({error})", "save it as CSV"
         ) from None
-    others = [f"'{one.name}'" for one in sheets if one is not best and one.rows]
+    others = [f"'{sheet.name}'" for sheet in sheets if sheet is not best and sheet.rows]
     notices = [
         f"read from the sheet '{best.name}'" + (f"; not read: {enumerate_words(others, LISTED)}" if others else "")
     ]
@@ -101,8 +101,10 @@ def _sheets(parts: ZipFile) -> Iterator[Sheet]:
     shared, dates = [*_shared(parts)], _date_styles(parts)
     links = {link.get("Id"): link.get("Target", "") for link in _part(parts, "xl/_rels/workbook.xml.rels")}
     for sheet in _part(parts, "xl/workbook.xml").iterfind("sheets/sheet"):
-        own = next((value for key, value in sheet.items() if key.endswith("}id")), None)
-        root = _part(parts, links[own].lstrip("/") if links[own].startswith("/") else f"xl/{links[own]}")
+        relation_id = next((value for key, value in sheet.items() if key.endswith("}id")), None)
+        root = _part(
+            parts, links[relation_id].lstrip("/") if links[relation_id].startswith("/") else f"xl/{links[relation_id]}"
+        )
         if root.tag != "worksheet":  # a chart
             continue
         rows = [*_rows(root, shared, dates)]
@@ -134,9 +136,9 @@ def _date_styles(parts: ZipFile) -> set[str]:
     if "xl/styles.xml" not in parts.namelist():
         return set()
     styles = _part(parts, "xl/styles.xml")
-    own = {int(f.get("numFmtId", 0)): f.get("formatCode", "") for f in styles.iter("numFmt")}
+    formats = {int(f.get("numFmtId", 0)): f.get("formatCode", "") for f in styles.iter("numFmt")}
     dated = DATES | {
-        number for number, code in own.items() if re.search("[dyhs]", re.sub(r'"[^"]*"|\[[^]]*]|\\.', "", code))
+        number for number, code in formats.items() if re.search("[dyhs]", re.sub(r'"[^"]*"|\[[^]]*]|\\.', "", code))
     }
     cells = styles.find("cellXfs")
     return {

@@ -98,22 +98,27 @@ class BoundedFit:
         """Estimate of a candidate at its best shape."""
         return self.explain_each([scored])[0]
 
-    def explain_each(self, found: Sequence[ScoredCandidate]) -> list[BoundedEstimate]:
+    def explain_each(self, candidates: Sequence[ScoredCandidate]) -> list[BoundedEstimate]:
         """Estimate of each candidate alone at its best shape."""
         measured = self.screening.linear.measured
-        moved = [np.zeros((measured, 0)), *(one.at_shape[1] for one in found)]
+        moved = [np.zeros((measured, 0)), *(scored.at_shape[1] for scored in candidates)]
         every = np.zeros((len(self.residual), sum(columns.shape[1] for columns in moved)))
         every[:measured] = self.screening.weigh(np.hstack(moved))
-        own = np.split(self._projected(every), np.cumsum([columns.shape[1] for columns in moved[:-1]]), axis=1)[1:]
-        return [self._estimate(columns, _limits(one)) for one, columns in zip(found, own, strict=True)]
+        columns_of_each = np.split(
+            self._projected(every), np.cumsum([columns.shape[1] for columns in moved[:-1]]), axis=1
+        )[1:]
+        return [
+            self._estimate(columns, _limits(scored))
+            for scored, columns in zip(candidates, columns_of_each, strict=True)
+        ]
 
-    def _estimate(self, own: Array, own_limits: Array) -> BoundedEstimate:
+    def _estimate(self, added: Array, own_limits: Array) -> BoundedEstimate:
         """Estimate of further columns (R n + K, m), `free` projected out, within limits (2, m)."""
         from scipy.optimize import lsq_linear  # takes a quarter of a second to load
 
-        (known, residual), linear, size = self._left, self.screening.linear, own.shape[1]
-        columns, right = np.hstack([known, own]), residual[self.training]
-        ridge = np.hstack([np.zeros((size, known.shape[1])), np.sqrt(linear.ridge) * np.eye(size)])
+        (bounded_columns, residual), linear, size = self._left, self.screening.linear, added.shape[1]
+        columns, right = np.hstack([bounded_columns, added]), residual[self.training]
+        ridge = np.hstack([np.zeros((size, bounded_columns.shape[1])), np.sqrt(linear.ridge) * np.eye(size)])
         trained = np.column_stack([np.vstack([columns[self.training], ridge]), np.append(right, np.zeros(size))])
         root = np.asarray(np.linalg.qr(trained, mode="r"))  # as good as all rows
         lower, upper = np.append(self.lower, own_limits[0]), np.append(self.upper, own_limits[1])
@@ -160,11 +165,11 @@ class BoundedFit:
         before = float((self.screening.linear.residual[: self.screening.linear.measured] ** 2).sum())
         least = EQUIVALENT_GAIN * (before - float(squares.sum()))
         rivals = [
-            one
-            for one in self.screening.scored
-            if one is not first
-            and not one.candidate.effect.is_free_form
-            and (measures or one.candidate.effect.part is not ModelPart.MEASUREMENT)
+            scored
+            for scored in self.screening.scored
+            if scored is not first
+            and not scored.candidate.effect.is_free_form
+            and (measures or scored.candidate.effect.part is not ModelPart.MEASUREMENT)
         ]
         better = []
         for one, estimate in zip(rivals, self.explain_each(rivals), strict=True):
@@ -180,11 +185,11 @@ class BoundedFit:
         return [candidate for _, candidate in sorted(better, key=lambda pair: pair[0])]
 
 
-def _limits(one: ScoredCandidate) -> Array:
+def _limits(scored: ScoredCandidate) -> Array:
     """(2, m), how far the parameters of a candidate may go from its best shape, in typical sizes."""
-    acting, _ = one.at_shape
+    acting, _ = scored.at_shape
     each = [
-        ((p.lower - one.shape[row]) / p.typical, (p.upper - one.shape[row]) / p.typical)
+        ((p.lower - scored.shape[row]) / p.typical, (p.upper - scored.shape[row]) / p.typical)
         for row, p in zip(acting.rows, acting.parameters, strict=True)
     ]
     return np.array(each).reshape(-1, 2).T

@@ -43,7 +43,7 @@ def _by_poses(effect: Effect) -> bool:
 
 def effects_of(report: DiagnosisReport) -> dict[str, Effect]:
     """The effects that were screened or are in the model, by their names."""
-    screened = {one.name: one.candidate.effect for one in report.diagnosis.scored}
+    screened = {scored.name: scored.candidate.effect for scored in report.diagnosis.scored}
     return screened | {effect.name: effect for effect in report.diagnosis.fit.model.effects}
 
 

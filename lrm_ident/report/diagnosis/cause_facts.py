@@ -29,8 +29,8 @@ def certainty(assessment: Assessment, cause: RankedCandidate) -> str:
     report, rivals = assessment.report, enumerate_effects(cause.equivalent, LISTED)
     if not assessment.identified:
         explained, left = explained_by_first(report) or (0.0, 0.0)
-        known = report.diagnosis.floor.rms is not None
-        why = why_candidate(report.replicates, cause.name in report.misspecified, explained, left, known)
+        noise_known = report.diagnosis.floor.rms is not None
+        why = why_candidate(report.replicates, cause.name in report.misspecified, explained, left, noise_known)
         return f"only a candidate cause: {why}.{f' These poses cannot distinguish it from {rivals}.' if rivals else ''}"
     if rivals:
         return f"it, or {rivals}: indistinguishable with these poses"

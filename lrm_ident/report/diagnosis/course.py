@@ -286,9 +286,11 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     misspecified, noise_known = course.report.misspecified, course.report.diagnosis.floor.rms is not None
     candidates = [
         f"{with_id(step.added)}: "
-        + why_candidate(step.evidence.replicates, step.added in misspecified, explained, one.unexplained, noise_known)
-        for step, one, explained in steps
-        if one.kind == Support.POSSIBLE_CAUSE
+        + why_candidate(
+            step.evidence.replicates, step.added in misspecified, explained, attribution.unexplained, noise_known
+        )
+        for step, attribution, explained in steps
+        if attribution.kind == Support.POSSIBLE_CAUSE
     ]
     listed = enumerate_effects((step.added for step in terms), RIVALS_SHOWN)
     empirical = [f"{listed}: {empirical_words(len(terms))}"] if terms else []

@@ -65,7 +65,7 @@ def _of_a_model(assessment: Assessment, names: CommandNames) -> Iterator[NextSte
     certain = [name for name in assessment.causes if name not in assessment.unsure]
     unsure = next(((name, *others) for name, others in assessment.unsure.items() if name in assessment.causes), ())
     repairs = [*_by_hand(assessment, certain, either=False), *_by_hand(assessment, unsure, either=True)]
-    yield from (one for one in repairs if not one.lead)
+    yield from (step for step in repairs if not step.lead)
     if assessment.report.verdict == Verdict.NOISE_UNKNOWN:
         yield say.diagnose_again(names, say.CHECK_NOISE)
         yield say.deploy(names, say.MEANWHILE)
@@ -74,7 +74,7 @@ def _of_a_model(assessment: Assessment, names: CommandNames) -> Iterator[NextSte
         yield say.verify()
     yield from _poses_that_distinguish(assessment, names, say.FOR_THE_CAUSE)
     yield from _more_than_poses(assessment, names)
-    yield from (one for one in repairs if one.lead)
+    yield from (step for step in repairs if step.lead)
     if assessment.terms and not assessment.causes:
         yield say.no_repair_yet(list(dict.fromkeys(map(place_in_words, assessment.terms))))
     if assessment.report.verdict == Verdict.NOTHING_MISSING:

@@ -29,20 +29,20 @@ class Standing(StrEnum):
 FIRST = {Support.FINDING: Standing.FOUND, Support.DESCRIPTION: Standing.EMPIRICAL}
 
 
-def standing_of(report: DiagnosisReport, one: RankedCandidate) -> Standing:
+def standing_of(report: DiagnosisReport, candidate: RankedCandidate) -> Standing:
     """The label of one of a report's candidates."""
     first = report.ranking[0]
-    if one.verdict != Support.NO_EVIDENCE:
-        attribution = attribution_of(report) if one is first else None
-        if attribution != Support.DESCRIPTION and one.verdict == Support.INDISTINGUISHABLE:
+    if candidate.verdict != Support.NO_EVIDENCE:
+        attribution = attribution_of(report) if candidate is first else None
+        if attribution != Support.DESCRIPTION and candidate.verdict == Support.INDISTINGUISHABLE:
             return Standing.LIKE
         if attribution is not None:
             return FIRST.get(attribution, Standing.CANDIDATE)
-        return Standing.EMPIRICAL if one.effect.is_free_form else Standing.BESIDE
-    if one.scored.implausible or one.name in report.diagnosis.unexplained.spurious:
+        return Standing.EMPIRICAL if candidate.effect.is_free_form else Standing.BESIDE
+    if candidate.scored.implausible or candidate.name in report.diagnosis.unexplained.spurious:
         return Standing.REFUSED
     if first.verdict == Support.NO_EVIDENCE:
         return Standing.NOTHING
-    if one.held_out_rms > (1.0 + AS_WELL) * first.held_out_rms:
-        return Standing.PARTLY if explains_part(one.held_out_rms, report.held_out.rms) else Standing.NOTHING
-    return Standing.IMITATES if len(one.estimates) > len(first.estimates) else Standing.AS_WELL
+    if candidate.held_out_rms > (1.0 + AS_WELL) * first.held_out_rms:
+        return Standing.PARTLY if explains_part(candidate.held_out_rms, report.held_out.rms) else Standing.NOTHING
+    return Standing.IMITATES if len(candidate.estimates) > len(first.estimates) else Standing.AS_WELL

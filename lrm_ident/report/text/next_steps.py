@@ -88,7 +88,7 @@ def measure_more(names: CommandNames, what: str, options: str, lead: str = "", *
     """How to measure more poses and to fit again. `what` they are for; `options` of `design`, with `more` in them."""
     design = "lrm-ident design {arm} --model {model} " + options + " -o next.csv"
     words = f"Measure poses that {what} (next.csv), append the rows to {names.data}, fit and diagnose again"
-    return NextStep(words, tuple(names.command(one, **more) for one in (design, *FIT_ANEW)), lead)
+    return NextStep(words, tuple(names.command(command, **more) for command in (design, *FIT_ANEW)), lead)
 
 
 def measure_what(names: CommandNames, needs: Sequence[str]) -> NextStep:

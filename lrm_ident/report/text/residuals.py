@@ -199,13 +199,13 @@ def arrows_caption(scale: ArrowScale) -> str:
     return f"Dots: measured positions of the tip. {arrows}; colours and lengths mean the same in all steps."
 
 
-def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> str:
+def noise_words(floor_mm: float | None, source: str, patterns: ResidualPatterns) -> str:
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
-        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
+        most = f"at most {in_mm(patterns.predictable.noise_bound)} mm"
         return (
             f"not known ({most}: a black-box model predicts the rest)"
-            if left.predictable.more_to_find
+            if patterns.predictable.more_to_find
             else f"not known ({most})"
         )
     return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

@@ -63,7 +63,7 @@ def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
             return "an empirical term: it explains too little to be called a cause"
 
 
-def why_candidate(replicates: bool, misspecified: bool, explained: float, left: float, noise_known: bool) -> str:
+def why_candidate(replicates: bool, misspecified: bool, explained: float, remaining: float, noise_known: bool) -> str:
     """Why an effect is a candidate cause and no identified one.
 
     Args:
@@ -76,7 +76,7 @@ def why_candidate(replicates: bool, misspecified: bool, explained: float, left: 
         return OTHERWISE
     if explained <= 0.0:
         return "it does not lower the error of the tip, so the cause may be another"
-    ratio = unexplained_ratio(explained, left)
+    ratio = unexplained_ratio(explained, remaining)
     if not noise_known:  # a third of all that stays was counted (`_above_noise`), so the limit of the whole is one
         most = ratio / MAX_UNEXPLAINED_RATIO
         return f"up to {most:.1f} times the squared error that it explains may be another's, as the noise is not known"

@@ -76,7 +76,7 @@ def figure_values(report: ModelReport) -> dict[str, Any]:
         # shown first: the chart that shows most of what the model leaves
         "fails": report.diagnosis is None or not Verdict(str(diagnosis_values["verdict"])).quiet,
         "where": {"joint": joint, "driver": variable_name(driver) if driver else ""},
-        "next": [[label, one.sentence, list(filter(_copied, one.commands))] for label, one in labelled(following)],
+        "next": [[label, step.sentence, list(filter(_copied, step.commands))] for label, step in labelled(following)],
         "ranking": _ranking(report, diagnosis_values.get("ranking", ())),
     }
 
@@ -184,7 +184,7 @@ def _ranking(report: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     named = [(str(EffectRef(advice["effect"], advice["place"])), advice) for advice in ranking]
     out = [_candidate(views[name], advice, weighted) for name, advice in named if name in views]
     top = 0 if not out or out[0]["verdict"] == Support.NO_EVIDENCE else 1
-    left = {one["name"]: one["heldOut"] * (one["standing"] != Standing.BESIDE) for one in out}
+    left = {entry["name"]: entry["heldOut"] * (entry["standing"] != Standing.BESIDE) for entry in out}
     return out[:top] + sorted(out[top:], key=lambda entry: (order.index(entry["standing"]), left[entry["name"]]))
 
 
