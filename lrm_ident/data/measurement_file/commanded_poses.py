@@ -149,8 +149,7 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
 
 def _sorted_by(table: NumberTable) -> str:
     """The axis by whose positions many rows are sorted although no joint moves one way; "" if there is none."""
-    by_time = "t" in table and bool((np.diff(table["t"][:, 0]) >= 0.0).all())
-    if "position" not in table or by_time or len(table) < MANY:
+    if "position" not in table or _times(table) is not None or len(table) < MANY:
         return ""
     axes, joints = (_one_way(table[name]) for name in ("position", "angles"))
     return "xyz"[int(np.argmax(axes))] if axes.any() and not joints.any() else ""

@@ -24,7 +24,7 @@ from lrm_ident.data.measurement_file.measured_columns import (
 )
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION
-from lrm_ident.data.measurement_file.summary_rows import without_summary
+from lrm_ident.data.measurement_file.summary_rows import summary_notices, without_summary
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.observations.encoder_readings import EncoderReadings
@@ -111,7 +111,7 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses
 def pose_doubts(table: NumberTable, arm: Arm, reading: Reading = AS_NAMED) -> tuple[str, ...]:
     """What a person should know of poses that were read so, in words. Raises `FileError`."""
     how = conventions_of(table.cells.path, arm, reading).how
-    return (*perhaps_radians(table["angles"], how), *time_notices(table))
+    return (*summary_notices(table.cells), *perhaps_radians(table["angles"], how), *time_notices(table))
 
 
 def load_pose_table(

@@ -32,8 +32,9 @@ STATISTICS: dict[str, Callable[[Array], SupportsFloat]] = {
     "quartile": lambda column: np.quantile(column, 0.25),
     "third quartile": lambda column: np.quantile(column, 0.75),
 }  # fmt: skip
-DECIDING = frozenset({"mean", "standard deviation", "standard deviation (n)", "variance"})
-"""One of these must stand among rows whose angles are those of a row above: the median of a sweep is a pose of it."""
+QUANTILES = frozenset({"median", "quartile", "third quartile"})
+"""Of a sweep they are poses, or lie between two: they count only beside another statistic."""
+LEFT_OUT = "of the rows above, left out"
 MOST, LEAST_ABOVE = 10, 5
 """Rows that sum a table up, and rows that it has at least."""
 ANGLES = re.compile(r"q\d+_deg")
@@ -53,18 +54,35 @@ def without_summary(cells: CsvTable) -> CsvTable:
         columns = [column[np.isfinite(column)] for column in values[:start].T]
         with np.errstate(all="ignore"):  # whatever is absurd in a cell is said elsewhere
             named = [_statistic([row[j] for j in places], columns) for row in cells.rows[start:]]
-        if all(map(len, columns)) and all(named) and (not DECIDING.isdisjoint(named) or not _repeat(values, start)):
+        if all(map(len, columns)) and all(named) and _decided(named, values, start) and not _repeats(cells, start):
             lines = enumerate_words([*map(str, cells.lines[start:])], MOST)
-            notice = f"line {lines}: {enumerate_words([*filter(None, named)], MOST)} of the rows above, left out"
+            notice = f"line {lines}: {enumerate_words([*filter(None, named)], MOST)} {LEFT_OUT}"
             kept = replace(cells, rows=cells.rows[:start], lines=cells.lines[:start])
             return replace(kept, notices=(*cells.notices, notice))
     return cells
 
 
-def _repeat(values: Array, start: int) -> bool:
-    """Whether a row from `start` on has the joint angles of a row above, as a pose has that is measured again."""
+def summary_notices(cells: CsvTable) -> tuple[str, ...]:
+    """The notices of the rows that `without_summary` left out."""
+    return tuple(words for words in cells.notices if words.endswith(LEFT_OUT))
+
+
+def _decided(named: Sequence[str | None], values: Array, start: int) -> bool:
+    """Whether a row from `start` on is no quantile, and has not the joint angles of a row above."""
     angles = values[:, len(POSITION) :]
-    return any((angles[:start] == row).all(axis=1).any() for row in angles[start:])
+    return any(
+        name not in QUANTILES and not (angles[:start] == row).all(axis=1).any()
+        for name, row in zip(named, angles[start:], strict=True)
+    )
+
+
+def _repeats(cells: CsvTable, start: int) -> bool:
+    """Whether a row from `start` on is a new pose that repeats one above, by `pose` and `repeat_of`."""
+    if not {"pose", "repeat_of"} <= {*cells.header}:
+        return False
+    pose, of = (cells.header.index(name) for name in ("pose", "repeat_of"))
+    above = {row[pose] for row in cells.rows[:start]}
+    return any(row[pose] not in above and row[of] in above for row in cells.rows[start:])
 
 
 def _statistic(row: Sequence[str], columns: Sequence[Array]) -> str | None:

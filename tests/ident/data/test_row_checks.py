@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.commanded_poses import after_gap, directions
-from lrm_ident.data.measurement_file.load import load_measurements, load_poses
+from lrm_ident.data.measurement_file.load import load_measurements, load_pose_table, pose_doubts
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.observations.encoder_readings import EncoderReadings
@@ -179,12 +179,26 @@ def test_a_pose_that_is_measured_again_after_a_sweep_is_no_median(lab: Arm, tmp_
     assert len(load_measurements(example(tmp_path, rows), lab)) == 22
 
 
+def test_a_pose_between_the_middle_ones_of_a_sweep_is_no_median(lab: Arm, tmp_path: Path) -> None:
+    """Of an even number of poses the median is no row of the table. Before: it was left out."""
+    first, rows = HEADER.index("q1_deg"), rows_of(21)
+    for number, row in enumerate(rows):
+        step = number if number < 20 else 9.5
+        row[first : first + 6] = [f"{-30 + 3 * step}"] * 6
+        row[-3:] = [f"{200 + 2 * step:.1f}", f"{-50 + 5 * step:.1f}", f"{120 + step + 0.3 * abs(step - 9.5):.1f}"]
+        if number == 20:
+            row[-1] = f"{np.median([float(each[-1]) for each in rows[:20]]):.1f}"
+    assert len(load_measurements(example(tmp_path, rows), lab)) == 21
+
+
 def test_poses_are_read_without_the_mean_below_them(lab: Arm, tmp_path: Path) -> None:
     """Before: `predict` took the mean row of a table of measurements for a pose."""
     rows = rows_of(30)
     columns = list(zip(*([float(cell) for cell in row] for row in rows), strict=True))
     rows.append([f"{np.mean(column):.4f}" if k else "31" for k, column in enumerate(columns)])
-    assert len(load_poses(example(tmp_path, rows), lab)) == 30
+    poses, table = load_pose_table(example(tmp_path, rows), lab)
+    assert len(poses) == 30
+    assert "line 32: mean of the rows above, left out" in pose_doubts(table, lab)
 
 
 def test_rows_sorted_by_a_position_are_told(lab: Arm, tmp_path: Path) -> None:
