@@ -22,7 +22,7 @@ from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import StepCard, of_data, step_cards
-from lrm_ident.report.story import Kind, Story, story_of
+from lrm_ident.report.story import Story, story_of
 from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.notices import prior_words
 from lrm_ident.report.text.residuals import where
@@ -152,7 +152,7 @@ class ModelReport:
         """
         if self.conclusion is None:
             return ()
-        again, provenance = self._story({}), self.file.provenance
+        again, provenance = self._fall, self.file.provenance
         other = (
             []
             if provenance is None or provenance.prior in (None, TYPICAL)
@@ -173,7 +173,7 @@ class ModelReport:
 
         None of a step that added nothing.
         """
-        floor, story, evidence = self.floor_mm or 0.0, self._story({}), [card.evidence for card in self.cards]
+        floor, story, evidence = self.floor_mm or 0.0, self._fall, [card.evidence for card in self.cards]
         if self.diagnosis is None or story is None or not story.held_out:
             return tuple(
                 StepAttribution(Support.DESCRIPTION, 0.0) if evidence_of_step.describes else None
@@ -199,16 +199,12 @@ class ModelReport:
     def story(self) -> Story | None:
         """How the error fell on these data; None of a model without a history."""
         shown = zip(self.cards, self.attributions, strict=True)
-        return self._story(
-            {
-                card.number: term_of(attribution.kind, card.evidence.equivalent)
-                for card, attribution in shown
-                if attribution is not None
-            }
-        )
+        kinds = {card.number: term_of(is_.kind, card.evidence.equivalent) for card, is_ in shown if is_ is not None}
+        return None if self._fall is None else self._fall.showing(kinds)
 
-    def _story(self, kinds: Mapping[int, Kind]) -> Story | None:
-        """The story with what steps are by their number."""
+    @property
+    def _fall(self) -> Story | None:
+        """The story before the diagnosis says what its steps show."""
         if not self.file.history:
             return None
         held = [
@@ -217,7 +213,7 @@ class ModelReport:
         here = [field_step.error.rms * 1e3 for field_step in self.field.steps]
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
-        return story_of(self.file.history, held, here, nominal, kinds, self.floor_mm, bound)
+        return story_of(self.file.history, held, here, nominal, self.floor_mm, bound)
 
     def document(self) -> Document:
         """Values of `lrm-ident report`, schema `lrm/report/2`: those of `compare` and `diagnose`, and the history."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
 
 from lrm_ident.data.wording import UNSEEN, in_mm
 from lrm_ident.report.document import BAR, ResultTable
@@ -19,8 +19,8 @@ from lrm_math.effects import EffectRef
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.model.model_file import AttributionTerm, CourseTable, HistoryTable, ModelFile
 
-Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
-"""What made the error fall; "effect": added, and what it shows is not known."""
+Kind = Literal["nominal", "fit", "effect", "end"] | AttributionTerm
+"""What made the error fall; "effect": added, and what it shows is not known; "end": an error beside the last step's."""
 WITHOUT_EFFECT = ("nominal", "fit")
 """What adds no effect: the nominal arm, the first fit, and later ones without outliers or with a prior."""
 GEOMETRY = "lengths, angles and stiffness fitted"
@@ -58,6 +58,11 @@ class StoryStep:
         """Mean square (mm²) that was taken away."""
         return self.before_rms_mm**2 - self.rms_mm**2
 
+    @property
+    def left(self) -> str:
+        """The error that is left, as it is printed."""
+        return in_mm(self.rms_mm * MM)
+
 
 @dataclass(frozen=True)
 class Story:
@@ -94,9 +99,9 @@ class Story:
         """The whole course in one line."""
         added = [step for step in self.steps if step.kind not in WITHOUT_EFFECT]
         start = self.steps[: self.steps.index(added[0])] if added else self.steps
-        errors = [f"{step.title} {in_mm(step.rms_mm * MM)}" for step in start]
+        errors = [f"{step.title} {step.left}" for step in start]
         if added:
-            errors.append(f"{_counted(added)} {in_mm(self.steps[-1].rms_mm * MM)}")
+            errors.append(f"{_counted(added)} {self.steps[-1].left}")
         return f"{' → '.join(errors)} mm RMS{f' {UNSEEN}' if self.held_out else ''}"
 
     @property
@@ -118,27 +123,28 @@ class Story:
             NOISE: "",
             NOISE_AT_MOST: " at most",
         }
-        lines = (*self.ends, *([self.noise] if self.noise else []))
-        return tuple((label.partition(",")[0], f"{in_mm(value * MM)} mm RMS{after[label]}") for label, value in lines)
+        rows = (*self.ends, *([self.noise] if self.noise else []))
+        return tuple((row.title.partition(",")[0], f"{row.left} mm RMS{after[row.title]}") for row in rows)
 
     @property
-    def ends(self) -> tuple[tuple[str, float], ...]:
-        """Errors (mm) below the steps of a waterfall: as deployed, where that is another than the last one; nested."""
+    def ends(self) -> tuple[StoryStep, ...]:
+        """Errors below the steps of a waterfall: as deployed, where that is another than the last one; nested."""
         last = self.steps[-1]
         deployed = None if _alike(last.deployed_rms_mm, last.rms_mm) else last.deployed_rms_mm
-        return tuple((label, mm) for label, mm in (("as deployed", deployed), (NESTED, self.nested_rms_mm)) if mm)
+        known = ("as deployed", deployed), (NESTED, self.nested_rms_mm)
+        return tuple(StoryStep(title, "end", None, mm, mm) for title, mm in known if mm)
 
     @property
-    def noise(self) -> tuple[str, float] | None:
-        """Noise of the measurement (mm), or what it is at most, where one of them is known."""
-        noise_terms = (NOISE, self.noise_rms_mm), (NOISE_AT_MOST, self.noise_bound_rms_mm)
-        return next(((label, mm) for label, mm in noise_terms if mm), None)
+    def noise(self) -> StoryStep | None:
+        """Noise of the measurement, or what it is at most, where one of them is known."""
+        known = (NOISE, self.noise_rms_mm), (NOISE_AT_MOST, self.noise_bound_rms_mm)
+        return next((StoryStep(title, "end", None, mm, mm) for title, mm in known if mm), None)
 
     @property
     def longest(self) -> float:
         """Error (mm) of the longest bar of a waterfall, which ends a longer one."""
-        nominal, *later = (step.rms_mm for step in self.steps)
-        most = max((*later, *(mm for _, mm in self.ends)), default=0.0)
+        nominal, *later = (step.rms_mm for step in (*self.steps, *self.ends))
+        most = max(later, default=0.0)
         return ROOM * most if most and nominal > TORN * most else max(nominal, most)
 
     @property
@@ -153,16 +159,21 @@ class Story:
             (
                 step.title,
                 "" if step.kind in (*WITHOUT_EFFECT, "effect") else step.kind,
-                in_mm(step.rms_mm * MM),
+                step.left,
                 None
                 if step.deployed_rms_mm is None
                 else f"{in_mm(step.deployed_rms_mm * MM)}{at_poses(step.deployed_poses)}",
                 BAR * round(BAR_WIDTH * step.rms_mm / most) if number else "",
             )
-            for number, (step, on_arm) in enumerate((step, step.deployed_rms_mm) for step in self.steps)
+            for number, step in enumerate(self.steps)
         ]
         error = "held-out RMS, mm|" if self.held_out else "RMS, mm|"
         return ResultTable(("step", "what it is", error, "as deployed|", ""), rows, "How the error fell")
+
+    def showing(self, kinds: Mapping[int, Kind]) -> Self:
+        """The same with what steps are, by their number, where a diagnosis says it."""
+        steps = (replace(step, kind=kinds.get(step.number or 0, step.kind)) for step in self.steps)
+        return replace(self, steps=tuple(steps))
 
     def as_json(self) -> dict[str, object]:
         """The table `story`."""
@@ -183,23 +194,21 @@ def story_of(
     held_out_mm: Sequence[float | None],
     here_mm: Sequence[float],
     nominal_mm: float,
-    shows: Mapping[int, Kind] | None = None,
     noise_mm: float | None = None,
     bound_mm: float | None = None,
 ) -> Story:
-    """A story.
+    """A story; what its steps are is as the file says.
 
     Args:
         held_out_mm: RMS error after each step at poses that no fit has seen. here_mm: on these data; told where one of
             those is not known.
-        shows: what steps are by their number, where a diagnosis says it; else as the file says.
     """
     course = history[-1].course or CourseTable()
-    figures_shown, held = dict(shows or {}), [error for error in held_out_mm if error is not None]
+    held = [error for error in held_out_mm if error is not None]
     held_out = len(held) == len(history)
     steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
     for number, (entry, error_of_step) in enumerate(zip(history, held if held_out else here_mm, strict=True)):
-        kind: Kind = figures_shown.get(number) or course.shows.get(entry.name.added) or "effect"
+        kind: Kind = course.shows.get(entry.name.added) or "effect"
         title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
         made = kind if number and entry.name.added else "fit"

@@ -7,10 +7,9 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from lrm_ident.data.wording import UNSEEN, in_mm
+from lrm_ident.data.wording import UNSEEN
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file
 from lrm_ident.report.story import Kind, Story
-from lrm_math.arm.arm_file import MM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +22,7 @@ COLOURS: Mapping[Kind, str] = {
     "candidate cause": GREEN,
     "empirical term": HELD_OUT,
     "effect": "#57606a",
+    "end": "black",
 }
 BESIDE: Any = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
 ROW, LABEL = 0.36, 34
@@ -31,26 +31,24 @@ ROW, LABEL = 0.36, 34
 
 def draw_story(story: Story, path: Path | None = None) -> Figure:
     """Draws the waterfall. Raises `FileError` for an unknown format or place."""
-    scale, rows = story.longest, len(story.steps) + len(story.ends)
-    with figure_file(path, 8.5, 1.3 + ROW * rows) as figure:
+    scale, rows = story.longest, (*story.steps, *story.ends)
+    with figure_file(path, 8.5, 1.3 + ROW * len(rows)) as figure:
         axes = figure.subplots()
-        for row, step in enumerate(story.steps):
+        for row, step in enumerate(rows):
+            height = 0.4 if step.kind == "end" else 0.8
             colour, error_left, before = COLOURS[step.kind], min(step.rms_mm, scale), min(step.before_rms_mm, scale)
-            axes.barh(row, error_left, color=colour, alpha=0.3)
-            axes.barh(row, before - error_left, left=error_left, color=colour)
+            axes.barh(row, error_left, height, color=colour, alpha=0.3)
+            axes.barh(row, before - error_left, height, left=error_left, color=colour)
             cut = " (bar cut short)" if step.rms_mm > scale else ""
-            axes.annotate(f"{in_mm(step.rms_mm * MM)}{cut}", (before, row), **BESIDE)
-        for row, (_, value) in enumerate(story.ends, len(story.steps)):
-            axes.barh(row, value, height=0.4, color="black", alpha=0.4)
-            axes.annotate(in_mm(value * MM), (value, row), **BESIDE)
+            axes.annotate(f"{step.left}{cut}", (before, row), **BESIDE)
         if story.noise is not None:
-            words, noise = story.noise
-            axes.axvline(noise, color="black", linestyle=":", label=f"{words} {in_mm(noise * MM)} mm")
-            axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / rows), frameon=False)
-        kinds = [f"\n{step.kind}" if step.number and step.kind != "effect" else "" for step in story.steps]
-        names = [fill(step.title, LABEL) + kind for step, kind in zip(story.steps, kinds, strict=True)]
-        axes.set_yticks(range(rows), [*names, *(name for name, _ in story.ends)], fontsize=9)
-        axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
+            words = f"{story.noise.title} {story.noise.left} mm"
+            axes.axvline(story.noise.rms_mm, color="black", linestyle=":", label=words)
+            axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / len(rows)), frameon=False)
+        kinds = [f"\n{step.kind}" if step.number and step.kind != "effect" else "" for step in rows]
+        names = [fill(step.title, LABEL) + kind for step, kind in zip(rows, kinds, strict=True)]
+        axes.set_yticks(range(len(rows)), names, fontsize=9)
+        axes.set(xlim=(0, 1.18 * scale), ylim=(len(rows) - 0.4, -0.6))
         title = "How the error fell" + (f", {UNSEEN}" if story.held_out else "")
         axes.set(title=title, xlabel="RMS error of the tip, mm: pale what remains, solid what was taken away")
         axes.spines[["top", "right", "left"]].set_visible(False)

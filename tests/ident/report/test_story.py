@@ -74,8 +74,9 @@ def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file:
         told(file_of(*file.history[:2], step("add mass@link5", 1.7, 1.9, deployed_rms_mm=2.2))).facts
     ).keys() == {"as deployed"}
     assert story.as_json()["nested_rms_mm"] == 2.1
-    assert [label for label, _ in story.ends] == ["nested, effects chosen anew"]
-    assert story.noise == ("measurement noise", 0.5)
+    assert [one.title for one in story.ends] == ["nested, effects chosen anew"]
+    assert story.noise is not None
+    assert (story.noise.title, story.noise.rms_mm) == ("measurement noise", 0.5)
     assert 2 * 4.8 > story.longest > 4.8, "the bar of the nominal arm is cut short"
 
 

@@ -88,13 +88,12 @@ def _copied(command: str) -> bool:
 
 def waterfall_values(story: Story) -> dict[str, Any]:
     """A story with the rows of its waterfall: the steps, the errors below these, the noise, each as it is printed."""
-    ends = [
-        {"title": title, "kind": "end", "number": None, "before_rms_mm": mm, "rms_mm": mm, "left": in_mm(mm * MM)}
-        for title, mm in (*story.ends, *([story.noise] if story.noise else []))
-    ]
-    noise = ends.pop() if story.noise else None
-    steps = [{**plain(step), "left": in_mm(step.rms_mm * MM)} for step in story.steps]
-    return {**plain(story), "steps": steps, "ends": ends, "noise": noise, "longest": story.longest}
+
+    def row(step: StoryStep) -> dict[str, Any]:
+        return {**plain(step), "left": step.left}
+
+    steps, ends, noise = map(row, story.steps), map(row, story.ends), story.noise and row(story.noise)
+    return {**plain(story), "steps": [*steps], "ends": [*ends], "noise": noise, "longest": story.longest}
 
 
 def _drawn(field: ErrorField, data: Measurements) -> dict[str, Any]:
