@@ -27,9 +27,9 @@ from lrm_ident.report.text.next_steps import UNKNOWN_FILES, CommandNames
 from lrm_ident.report.text.notices import prior_words
 from lrm_ident.report.text.residuals import where
 from lrm_ident.residual.better_prediction import takes_little
-from lrm_ident.residual.covariates import Covariate, covariates
+from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.error_breakdown import ModelComparison
-from lrm_ident.residual.gravity_loads import local_covariates
+from lrm_ident.residual.gravity_loads import known_covariates
 from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.other_data import model_for_data
@@ -247,8 +247,7 @@ def quick_report(study: Study) -> ModelReport:
     models = models_of_steps(study)
     arrows = error_field(data, models_on_data(study))
     rest = solve_equilibrium(model, data.poses)
-    covariates_known = (*covariates(data, rest.joint_torque), *local_covariates(rest))
-    drawn = tuple(covariate.take(arrows.rows) for covariate in covariates_known)
+    drawn = tuple(covariate.take(arrows.rows) for covariate in known_covariates(data, rest))
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),
@@ -279,10 +278,8 @@ def with_diagnosis(
     fitted, data = diagnosis.screening.subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in model_report.poses.pose.tolist()])
-    covariates_known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
-    views = tuple(
-        candidate_view(candidate, diagnosis, covariates_known, rows) for candidate in report.ranking[:CANDIDATES]
-    )
+    known = known_covariates(data, fitted.equilibrium)
+    views = tuple(candidate_view(candidate, diagnosis, known, rows) for candidate in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
     regimes = {
         f"regime {where(regime)}": tuple(report.patterns.pose[regime.rows].tolist())

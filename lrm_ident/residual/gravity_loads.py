@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.residual.covariates import CONSTANT, Covariate, Kind
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.residual.covariates import CONSTANT, Covariate, Kind, covariates
 from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
@@ -18,6 +19,11 @@ ENDS = "near_", "far_"
 """In the name of a slot at the end of a link, whose moment is nearly that in the middle."""
 POWERS = {"rad_per_Nm": 1, "rad_per_Nm2": 2, "rad_per_Nm3": 3}
 """Unit of what a load makes a turn of, and the power of the load."""
+
+
+def known_covariates(data: Measurements, rest: Equilibrium) -> tuple[Covariate, ...]:
+    """All that an error or an effect may follow. `rest`: of the model at the poses of the data."""
+    return *covariates(data, rest.joint_torque), *local_covariates(rest)
 
 
 def local_covariates(rest: Equilibrium) -> tuple[Covariate, ...]:

@@ -21,7 +21,7 @@ from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_
 from lrm_ident.report.text.variables import axis_label, function_name, in_a_sentence, place_of, variable_name
 from lrm_ident.residual.covariates import Covariate, ExplanatoryVariable, covariates
 from lrm_ident.residual.free_functions import CommonMode, FreeFunction
-from lrm_ident.residual.gravity_loads import local_covariates
+from lrm_ident.residual.gravity_loads import known_covariates
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
 
@@ -43,20 +43,15 @@ def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
     first, diagnosis = report.first, report.diagnosis
     fitted, data = diagnosis.screening.subset
-    covariates_known = (*covariates(data, fitted.equilibrium.joint_torque), *local_covariates(fitted.equilibrium))
+    known = known_covariates(data, fitted.equilibrium)
     with figure_file(path, 13 if first is None else 19, 4.6) as figure:
         left, right, *third = figure.subplots(1, 2 if first is None else 3)
         _draw_ranking(left, report)
         if first is not None:
-            view = candidate_view(first, diagnosis, covariates_known, np.arange(len(data)))
+            view = candidate_view(first, diagnosis, known, np.arange(len(data)))
             _draw_evidence(right, plain_name(first.name), np.array(view["added"]), 1e3 * fitted.residual)
-            _draw_form(
-                third[0],
-                first,
-                diagnosis,
-                view,
-                {variable_name(covariate.variable): covariate for covariate in covariates_known},
-            )
+            by_name = {variable_name(covariate.variable): covariate for covariate in known}
+            _draw_form(third[0], first, diagnosis, view, by_name)
         elif diagnosis.unexplained.ranking:
             _draw_anatomy(right, diagnosis, diagnosis.unexplained.ranking[0][0])
     return figure

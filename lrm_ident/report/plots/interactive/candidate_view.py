@@ -18,8 +18,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.report.text.claims import DISPLAY_UNITS, turned, with_unit
-from lrm_ident.report.text.reasons import reason_words
-from lrm_ident.report.text.variables import function_name, variable_name
+from lrm_ident.report.text.variables import variable_name
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.gravity_loads import usual_turns
 from lrm_ident.residual.picture.drivers import drawn_over
@@ -50,8 +49,7 @@ def candidate_view(
     joint; `shown`: the joint, from 0, and the covariate whose chart shows most of that. `joint`: the one whose turn
     its motion is most like; `driver`, `second`: what its form is a function of. `form`: the turn of that joint that
     the candidate says; `around`: with what would then be left; both null where the joint's lever is too short to
-    observe a turn. `refused`: against physics, or the function that explains more, else "". `size`: of an effect
-    with one parameter, that of `added`.
+    observe a turn. `size`: of an effect with one parameter, that of `added`.
 
     Args:
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
@@ -72,14 +70,11 @@ def candidate_view(
     around = turns[joint] + joint_turns(fitted.residual - added, diagnosis.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    followed = [covariate.take(drawn) for covariate in of_law(effect, covariates_known)]
+    followed = [covariate.take(drawn) for covariate in lawful]
     drivers = drawn_over(effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, lawful, joints)
     parameters = {parameter.name: parameter for parameter in effect.parameters}
-    about, function = effect.about, diagnosis.unexplained.spurious.get(scored.name)
-    resembles = "" if function is None else function_name(function)
-    refused = reason_words(scored.implausible) if scored.implausible else resembles
     return {
         "name": scored.name,
         "added": rounded(_drawn(added, rows) * 1e3, UM),
@@ -88,10 +83,9 @@ def candidate_view(
         "joint": joint,
         "driver": variable_name(drivers[0].variable),
         "second": variable_name(drivers[1].variable) if len(drivers) > 1 else "",
-        "refused": refused,
         "form": rounded(np.where(seen, np.degrees(_drawn(turns[joint], rows)), np.nan), ANGLE),
         "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
-        "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
+        "about": {name: getattr(effect.about, name) for name in ("cause", "formula", "needs", "source")},
         "size": _size(scored, fitted.equilibrium),
         "estimates": [
             f"{parameters[name].symbol} = {with_unit(value, error, parameters[name].unit)}"

@@ -93,7 +93,8 @@ def waterfall_values(story: Story) -> dict[str, Any]:
         return {**plain(step), "left": step.left}
 
     steps, ends, noise = map(row, story.steps), map(row, story.ends), story.noise and row(story.noise)
-    return {**plain(story), "steps": [*steps], "ends": [*ends], "noise": noise, "longest": story.longest}
+    told = {"sentence": story.sentence, "held_out": story.held_out, "longest": story.longest}
+    return {**told, "steps": [*steps], "ends": [*ends], "noise": noise}
 
 
 def _drawn(field: ErrorField, data: Measurements) -> dict[str, Any]:
