@@ -349,15 +349,13 @@ def estimate_table(
 
 def _turned(model: Model, rest: Equilibrium) -> dict[str, str]:
     """Turn of every free compliance under the usual load, by its key."""
-    every = [(effect, usual_turns(effect, rest)) for effect in model.effects]
-    keys = {
-        key: turns.get(p.name) for effect, turns in every for key, p in zip(effect.keys, effect.parameters, strict=True)
-    }
-    return {
-        key: f"{np.degrees(turn * model.value(key)):.2g}°"
-        for key, turn in keys.items()
-        if turn is not None and key in model.free
-    }
+    turned = {}
+    for effect in model.effects:
+        turns = usual_turns(effect, rest)
+        for key, parameter in zip(effect.keys, effect.parameters, strict=True):
+            if parameter.name in turns and key in model.free:
+                turned[key] = f"{np.degrees(turns[parameter.name] * model.value(key)):.2g}°"
+    return turned
 
 
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:

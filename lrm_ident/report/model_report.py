@@ -173,25 +173,16 @@ class ModelReport:
 
         None of a step that added nothing.
         """
-        floor, story, evidence = self.floor_mm or 0.0, self._fall, [card.evidence for card in self.cards]
+        floor, story = self.floor_mm or 0.0, self._fall
         if self.diagnosis is None or story is None or not story.held_out:
-            return tuple(
-                StepAttribution(Support.DESCRIPTION, 0.0) if evidence_of_step.describes else None
-                for evidence_of_step in evidence
-            )
-        adding = [(card, fall) for card, fall in zip(self.cards, story.later, strict=True) if card.adds]
-        misspecified = cast(tuple[str, ...], self.diagnosis.values["misspecified"])
-        evidence = [
-            replace(
-                card.evidence,
-                describes=card.evidence.describes or takes_little(fall.rms_mm, fall.before_rms_mm, floor),
-                misspecified=card.name in misspecified,
-            )
-            for card, fall in adding
-        ]
-        steps = [
-            (fall.explained, evidence_of_step) for (_, fall), evidence_of_step in zip(adding, evidence, strict=True)
-        ]
+            no_cause = StepAttribution(Support.DESCRIPTION, 0.0)
+            return tuple(no_cause if card.evidence.describes else None for card in self.cards)
+        misspecified, steps = cast(tuple[str, ...], self.diagnosis.values["misspecified"]), []
+        for card, fall in zip(self.cards, story.later, strict=True):
+            if card.adds:
+                describes = card.evidence.describes or takes_little(fall.rms_mm, fall.before_rms_mm, floor)
+                evidence = replace(card.evidence, describes=describes, misspecified=card.name in misspecified)
+                steps.append((fall.explained, evidence))
         shown = iter(attribute_steps(steps, float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))))
         return tuple(next(shown) if card.adds else None for card in self.cards)
 

@@ -154,10 +154,8 @@ def _claim(added: Sequence[Effect], numbers: Mapping[Parameter, str], turns: Map
 
 def _left_out(entry: HistoryTable, before: HistoryTable) -> str:
     """The poses that a step took for outliers, and what to do about them; empty where it left none out."""
-    left_out_before = set() if before.provenance is None else {*before.provenance.left_out}
-    poses = (
-        [] if entry.provenance is None else [pose for pose in entry.provenance.left_out if pose not in left_out_before]
-    )
+    now, earlier = (() if step.provenance is None else step.provenance.left_out for step in (entry, before))
+    poses = [pose for pose in now if pose not in earlier]
     return _capital(outliers_left_out(poses)) if poses else ""
 
 

@@ -106,7 +106,7 @@ def step_document(
     """Result of `lrm-ident add`, schema `lrm/step/1`.
 
     Args:
-        known: covariance of the parameters before the step.
+        covariance: of the parameters before the step.
         files: the new model and the data, for the next command.
     """
     free, count = len(step.start.free if step.start else ()), len(step.fit.model.free)

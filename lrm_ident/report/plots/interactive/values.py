@@ -53,17 +53,14 @@ def figure_values(report: ModelReport) -> dict[str, Any]:
         for name in (candidate["driver"], candidate["second"], candidate["shown"]["driver"])
     }
     drawn |= {card.driver for card in report.cards} | {variable_name(covariate.variable) for covariate in shared}
+    named = {variable_name(covariate.variable): covariate for covariate in report.covariates}
     cards = zip(report.cards, story.later if story else (), report.attributions, strict=True)
     return {
         **_drawn(report.field, report.poses),
         "drivers": [
-            {
-                "name": variable_name(covariate.variable),
-                "label": axis_label(covariate.variable),
-                "values": rounded(covariate.shown, 4),
-            }
-            for covariate in report.covariates
-            if variable_name(covariate.variable) in drawn
+            {"name": name, "label": axis_label(covariate.variable), "values": rounded(covariate.shown, 4)}
+            for name, covariate in named.items()
+            if name in drawn
         ],
         "verdict": report.verdict,
         "facts": [[label, words, label in FIRST] for label, words in report.facts],
@@ -158,11 +155,9 @@ def _card(
     weighted = report.poses.several_kinds
     excess = None if floor is None or before <= floor else share_of_excess(after, before, floor)
     ratio = None if shown is None or report.diagnosis is None else unexplained_ratio(fall.explained, shown.unexplained)
-    card_values = {
-        key: value for key, value in plain(card).items() if key != "evidence"
-    }  # what is shown of it stands below
+    told = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of that stands below
     return {
-        **card_values,
+        **told,
         "held_out": held_out,
         "fall": arrow(before * MM, after * MM),
         "sketch": words_of(card.name, "sketch"),
