@@ -42,21 +42,18 @@ def last_session(folder: Path, data: Path | None) -> OpenFiles | None:
     """Files of the newest other session with steps beside a folder, still there; of some measurements, if given."""
     notes = [path for path in folder.parent.glob(f"*/{NOTE}") if path.parent != folder]
     for note in sorted(notes, key=lambda path: path.stat().st_mtime, reverse=True):
-        session_noted = _noted(note)
-        if session_noted is None or session_noted.model.name == OpenTask.kept.name:
+        files = _noted(note)
+        if files is None or files.model.name == OpenTask.kept.name:
             continue
-        if not (session_noted.model.is_file() and session_noted.data.is_file()):
-            continue
-        is_copy = (
-            data is not None
-            and session_noted.data.name == data.name
-            and session_noted.data.is_relative_to(folder.parent)
-        )
-        if (
-            data is None or session_noted.data.resolve() == data.resolve() or is_copy
-        ):  # a copy as the data were read once
-            return session_noted
+        if files.model.is_file() and files.data.is_file() and (data is None or _same_data(files.data, data, folder)):
+            return files
     return None
+
+
+def _same_data(noted: Path, data: Path, folder: Path) -> bool:
+    """Whether these are the measurements that were noted, or those are a copy of them as they were read once."""
+    is_copy = noted.name == data.name and noted.is_relative_to(folder.parent)
+    return is_copy or noted.resolve() == data.resolve()
 
 
 def _noted(note: Path) -> OpenFiles | None:

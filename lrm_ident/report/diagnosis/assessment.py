@@ -38,10 +38,8 @@ class Assessment:
     @classmethod
     def of(cls, report: DiagnosisReport) -> Self:
         """That of a report."""
-        support, present = (
-            attribution_of(report),
-            {effect.name: effect for effect in report.diagnosis.fit.model.effects},
-        )
+        support = attribution_of(report)
+        present = {effect.name: effect for effect in report.diagnosis.fit.model.effects}
         rivals = report.indistinguishable.items()
         absent = {
             name: [other for other in others if other not in present] for name, others in rivals if name in present

@@ -85,12 +85,9 @@ def acts_most_like(report: DiagnosisReport) -> str:
     best = diagnosis.functions[0] if diagnosis.functions else next(iter(errors_left), None)
     function_left = errors_left.get(best, np.inf) if best is not None else np.inf
     best_cause = min(_passing(report), key=lambda candidate: candidate.held_out_rms, default=None)
-    if (
-        best_cause is not None
-        and best_cause.held_out_rms < function_left
-        and explains_part(best_cause.held_out_rms, held_out)
-    ):
-        of = f"{with_id(best_cause.name)}, which leaves ≈ {in_mm(best_cause.held_out_rms)} mm here"
+    left = np.inf if best_cause is None else best_cause.held_out_rms
+    if best_cause is not None and left < function_left and explains_part(left, held_out):
+        of = f"{with_id(best_cause.name)}, which leaves ≈ {in_mm(left)} mm here"
         return f"{of}. Not named, since it does not surely help at later poses"
     if best is None or not explains_part(function_left, held_out):
         return ""

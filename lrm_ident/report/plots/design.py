@@ -110,12 +110,8 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Mapping[str, ExpectedAc
                 axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=7)
             else:
                 axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
-    sizes = [
-        rival.detectable_size
-        for accuracy in sets.values()
-        for rival in accuracy.rivals
-        if rival.detectable_size is not None
-    ]
+    every = (rival.detectable_size for accuracy in sets.values() for rival in accuracy.rivals)
+    sizes = [size for size in every if size is not None]
     _log(axes)
     axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
     axes.set_xticks(np.arange(len(names)), [fill(plain_name(name), RIVAL) for name in names], fontsize=8)

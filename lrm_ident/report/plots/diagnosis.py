@@ -119,12 +119,8 @@ def _draw_form(
         if (error := _form_error(first, diagnosis, view["joint"])) is not None:
             style: Any = {"color": MODEL, "alpha": 0.3, "linewidth": 2, "label": "two standard errors"}
             axes.vlines(x, (form - 2.0 * error)[order], (form + 2.0 * error)[order], **style)
-    finish(
-        axes,
-        axis_label(driver.variable),
-        f"turn of joint {view['joint'] + 1}, deg",
-        f"The effect beside the data: {name}",
-    )
+    turn, title = f"turn of joint {view['joint'] + 1}, deg", f"The effect beside the data: {name}"
+    finish(axes, axis_label(driver.variable), turn, title)
 
 
 def _form_error(first: RankedCandidate, diagnosis: Diagnosis, joint: int) -> Array | None:
@@ -180,8 +176,7 @@ def _followed(diagnosis: Diagnosis, variable: ExplanatoryVariable) -> tuple[Arra
     torque, variable_after = diagnosis.fit.equilibrium.joint_torque, replace(variable, before=False)
     every = (*covariates(diagnosis.data, torque), Covariate("total torque", np.abs(torque).sum(axis=1)))
     shown = next(covariate.shown for covariate in every if covariate.variable == variable_after)
+    screened, label = diagnosis.screening.screened, axis_label(variable_after)
     if variable_after == variable:
-        return shown[diagnosis.screening.screened], axis_label(variable_after)
-    return np.concatenate([shown[:1], shown[:-1]])[
-        diagnosis.screening.screened
-    ], f"{axis_label(variable_after)}, at the pose before"
+        return shown[screened], label
+    return np.concatenate([shown[:1], shown[:-1]])[screened], f"{label}, at the pose before"

@@ -32,11 +32,8 @@ def draw_reach(comparison: VariantComparison, path: Path) -> None:
     compared = len(comparison.maps) > 1
     size = (16.5, max(SHORTEST, 1.2 + ROW * len(comparison.maps))) if compared else (10.5, SHORTEST)
     widths = (1, 1, 0.6) if compared else (1, 1)
-    first, middle, level = (
-        comparison.maps[0],
-        float(bounding_ball(comparison.variants[0].arm)[0][1]),
-        _height(comparison),
-    )
+    first, level = comparison.maps[0], _height(comparison)
+    middle = float(bounding_ball(comparison.variants[0].arm)[0][1])
     most = 100 * max(float(_layer(first, k, at).max()) for k, at in ((1, middle), (2, level))) or 1.0
     with figure_file(path, *size) as figure:
         axes = figure.subplots(1, len(widths), width_ratios=widths)

@@ -203,9 +203,6 @@ def noise_words(floor_mm: float | None, source: str, patterns: ResidualPatterns)
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
         most = f"at most {in_mm(patterns.predictable.noise_bound)} mm"
-        return (
-            f"not known ({most}: a black-box model predicts the rest)"
-            if patterns.predictable.more_to_find
-            else f"not known ({most})"
-        )
+        rest = ": a black-box model predicts the rest" if patterns.predictable.more_to_find else ""
+        return f"not known ({most}{rest})"
     return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

@@ -40,12 +40,9 @@ MOST_RIVALS = 4
 def next_poses(study: Study, asked: PosesTask, progress: Progress) -> SearchResult:
     """Chooses and keeps the next poses. Raises `LrmError`: none can tell any rivals apart, or too few are clear."""
     report = unpacked(asked.packed)
-    error_left = (
-        report.floor_mm if report.floor_mm is not None else error_stats(report.field.steps[-1].residual).rms / MM
-    )
-    noise_mm = float(
-        f"{error_left / sqrt(3.0):.3g}"
-    )  # the floor that the data show, else all that the last step leaves
+    floor = report.floor_mm  # that the data show, else all that the last step leaves
+    error_left = error_stats(report.field.steps[-1].residual).rms / MM if floor is None else floor
+    noise_mm = float(f"{error_left / sqrt(3.0):.3g}")
     arm, data = study.model.arm, study.data
     loads_g = sorted({round(float(load) / GRAM, 3) for load in (data.poses.payload.min(), data.poses.payload.max())})
     problem = DesignProblem(

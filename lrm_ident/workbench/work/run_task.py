@@ -127,11 +127,8 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
         """Says which round it is, and how far the last one brought the error."""
         errors_so_far = [*errors, *coming]
         fall = f": {' → '.join(errors_so_far[-2:])} mm" if errors_so_far else ""
-        send(
-            tasks.WorkProgress(
-                f"auto, round {max(len(errors_so_far), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of
-            )
-        )
+        words = f"auto, round {max(len(errors_so_far), 1)} of at most {MAX_EFFECTS}{fall}; {what}"
+        send(tasks.WorkProgress(words, done, of))
 
     study = replace(_study(task.files, send), progress=on_progress)
     study.auto(on_step=on_step, on_confirmed=on_confirmed)
@@ -145,11 +142,9 @@ def propose(task: tasks.ProposeTask, send: tasks.Send) -> None:
     result = tasks.SearchResult(str(title), blocks_html(rest), command=task.files.command("propose"))
     if proposal.best is not None:
         write_text(task.kept, proposal.best.source)
-        effect, command = (
-            f"{law_id(proposal.best.law)}@joint{proposal.best.law.joint + 1}",
-            ("propose", "-o", task.kept),
-        )
-        result = replace(result, command=task.files.command(*command), file=task.kept, effect=effect)
+        effect = f"{law_id(proposal.best.law)}@joint{proposal.best.law.joint + 1}"
+        command = task.files.command("propose", "-o", task.kept)
+        result = replace(result, command=command, file=task.kept, effect=effect)
     send(result)
 
 
