@@ -396,16 +396,11 @@ def _correlated(fit: Fit) -> Iterator[str]:
 def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
     columns = ("grouped by", "explains|", "worst group", f"RMS mm|{spec}", "poses|")
-    rows = [
-        (
-            variable_name(f.variable),
-            "< 1 %" if 0 < f.share < 0.01 else f"{in_percent(f.share)} %",
-            w.label,
-            w.error.rms * 1e3,
-            w.count,
-        )
-        for f, w in ((factor, factor.worst) for factor in factors)
-    ]
+    rows = []
+    for factor in factors:
+        explains = "< 1 %" if 0 < factor.share < 0.01 else f"{in_percent(factor.share)} %"
+        worst = factor.worst
+        rows.append((variable_name(factor.variable), explains, worst.label, worst.error.rms * 1e3, worst.count))
     return ResultTable(columns, rows, "Where the model fails: share of the squared error that each explains, alone")
 
 

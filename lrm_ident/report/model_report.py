@@ -153,11 +153,8 @@ class ModelReport:
         if self.conclusion is None:
             return ()
         again, provenance = self._fall, self.file.provenance
-        other = (
-            []
-            if provenance is None or provenance.prior in (None, TYPICAL)
-            else [("prior", prior_words(str(provenance.prior)))]
-        )
+        prior = None if provenance is None else provenance.prior
+        other = [] if prior in (None, TYPICAL) else [("prior", prior_words(str(prior)))]
         lack = [(LACKS, "; ".join(self.conclusion.reasons))] if self.conclusion.reasons else []
         return (*self.conclusion.facts, *other, *(() if again is None else again.certainty), *lack)
 

@@ -91,12 +91,8 @@ def file_notices(session: WorkbenchSession, button: Button) -> None:
         button(PageAction("Keep", session.keep, "go on with the measurements as they were read"))
     stale.bind_visibility_from(session, "stale")
     with ui.element("div").classes("lrm-notice").props('id="lrm-offer" role=status') as offer:
-        words = "Last session with {}: {}"
-        ui.label().bind_text_from(
-            session,
-            "offered",
-            lambda offer_made: words.format(offer_made.data.name, offer_made.model) if offer_made else "",
-        )
+        words = "Last session with {0.data.name}: {0.model}"
+        ui.label().bind_text_from(session, "offered", lambda files: words.format(files) if files else "")
         button(PageAction("Go on", session.resume, "open the model and the measurements of the last session"))
         button(PageAction("Not now", session.decline, "stay here"))
     offer.bind_visibility_from(
