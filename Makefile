@@ -129,8 +129,8 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
 	$(ONE_THREAD) $(BIN)/python -m bench.motion
-	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
-	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES) --seconds 20
+	$(ONE_THREAD) $(BIN)/python -m bench.calibrated_ik
+	$(ONE_THREAD) $(BIN)/python -m bench.daemon_performance --minutes $(MINUTES) --seconds 20
 
 soak: soak-laws soak-daemon soak-kernel soak-attacks ## all four parts of it (days, mostly of the third; the weekly workflow runs them side by side, the third shorter)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import cycle
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -54,7 +55,7 @@ def reachable(arm: Arm, count: int, seed: int = 0) -> tuple[Array, Array]:
     return q, poses(arm, q)
 
 
-def is_solution(arm: Arm, T: Array, q: Array, solved: Array) -> tuple[Array, Array]:
+def is_solution(arm: Arm, T: Array, q: Array, solved: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
     """Whether angles (N, n) keep the limits and take the poses, and how far their TCP is off (m)."""
     limits, reached = JointLimits.of(arm), poses(arm, q)
     off = np.linalg.norm(reached[:, :3, 3] - T[:, :3, 3], axis=1)

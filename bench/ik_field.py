@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.console import Console
 
+from bench.calibrated_ik import METHODS, PAYLOAD, goals, shares_of_branches
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
 from lrm_math.ik.answer import CalibratedReply, Solved
@@ -24,7 +25,6 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.support.nameless_arm import measured
-from validation.calibrated_ik import METHODS, PAYLOAD, goals, shares_of_branches
 
 MOST, SLACK = 1.5, 0.01
 """Largest ratio of times; share of the branches by which either may differ by chance."""

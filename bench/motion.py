@@ -294,7 +294,7 @@ def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording
                 mujoco.mj_step(model, data)
     read = encoder_readings(np.degrees(np.array(out)), rng)
     N = told.shape[1]
-    t, number_of = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told), dtype=np.float64), N)
+    t, number_of = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told)), N)
     return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number_of)
 
 

@@ -20,7 +20,7 @@ class Pinocchio:
     """The arm in pinocchio, every body moving with the joint that carries it."""
 
     def __init__(self, arm: Arm) -> None:
-        import pinocchio as pin  # type: ignore[import-untyped]
+        import pinocchio as pin
 
         self.pin, self.robot, place, parent = pin, pin.Model(), self._place(pin, arm.base), 0
         self.robot.gravity.linear = np.array(arm.gravity)

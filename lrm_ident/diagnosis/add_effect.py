@@ -28,7 +28,6 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
-MAX_MOMENT_FITS = 12
 UNMOVED = 1e-9
 """m: round-off."""
 MOMENT = "pose"  # unit of a shape parameter that is a moment in the measured order
@@ -159,9 +158,9 @@ def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[floa
 
 def _fit_moment(best: Fit, data: Measurements, key: str, loss: Loss) -> Fit:
     """The fit with the maximum-likelihood change point (Hinkley 1970), the last pose before a change: the moment and
-    the other parameters are estimated in turn until neither moves."""
+    the other parameters are estimated in turn until neither moves; the error falls each time, so that it ends."""
     numbers, row = np.unique(data.poses.names(np.arange(len(data))), return_inverse=True)
-    for _ in range(MAX_MOMENT_FITS):
+    while True:
         ends = (best.model.with_values_of([key], end) for end in (numbers[-1], numbers[0] - 1))
         squares = [
             best.weight * (data.residual(solve_equilibrium(model, data.poses)) ** 2).sum(axis=1) for model in ends
@@ -169,9 +168,8 @@ def _fit_moment(best: Fit, data: Measurements, key: str, loss: Loss) -> Fit:
         added = np.cumsum(np.bincount(row.reshape(-1), squares[0] - squares[1]))
         moment = float(numbers[np.argmin(added)])
         if moment == best.model.value(key):
-            break
+            return best
         refitted = fit(best.model.with_values_of([key], moment), data, loss=loss, prior=best.stated)
         if error_stats(refitted.residual).rms >= error_stats(best.residual).rms:
-            break
+            return best
         best = refitted
-    return best

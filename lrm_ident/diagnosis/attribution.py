@@ -57,7 +57,8 @@ def attribute_steps(steps: Sequence[tuple[float, Evidence]], remaining: float) -
 
     Whatever their order: the largest set of steps of which each shows a cause beside what the others leave unexplained.
 
-    left: held-out mean square that stays unexplained after the last one.
+    Args:
+        remaining: held-out mean square that stays unexplained after the last one.
     """
     shown = [True] * len(steps)
     while True:

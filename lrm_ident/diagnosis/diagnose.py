@@ -137,8 +137,10 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict of the screening. Structure counts if it is significant and the error exceeds the noise floor, surely
-        or by `FLOOR_RATIO`, or, where that is unknown, neighbours are alike by `MORAN_THRESHOLD`."""
+        """Verdict of the screening, which refits and patterns may change (`final_verdict`).
+
+        Structure counts if it is significant and the error exceeds the noise floor, surely or by `FLOOR_RATIO`, or,
+        where that is unknown, neighbours are alike by `MORAN_THRESHOLD`."""
         if self.supported:
             return Verdict.EFFECT_MISSING
         if self.unexplained.functions:

@@ -178,13 +178,9 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable
     )
     before = error_stats(confirmed.held_out)
-    verdict = confirmed.verdict_by_refits
-    more = patterns.predictable.more_to_find and (verdict.quiet or verdict == Verdict.UNPREDICTABLE)
-    if more or (verdict.quiet and patterns.regimes):
-        verdict = Verdict.UNEXPLAINED_STRUCTURE
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict=verdict,
+        verdict=final_verdict(confirmed.verdict_by_refits, patterns),
         fitted=error_stats(diagnosis.fit.residual),
         held_out=before,
         deployed=confirmed.deployed,
@@ -198,6 +194,15 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         misspecified=confirmed.misspecified,
         influential=influential_poses(diagnosis.fit.residual, confirmed.held_out),
     )
+
+
+def final_verdict(by_refits: Verdict, patterns: ResidualPatterns) -> Verdict:
+    """The verdict that a person reads: that of the screening (`Diagnosis.verdict`), changed by refits
+    (`ConfirmedDiagnosis.verdict_by_refits`); what looks like noise to both has structure where a model without names
+    predicts it, or where it is large in a regime."""
+    predicted = patterns.predictable.more_to_find and (by_refits.quiet or by_refits == Verdict.UNPREDICTABLE)
+    structure = predicted or (by_refits.quiet and patterns.regimes)
+    return Verdict.UNEXPLAINED_STRUCTURE if structure else by_refits
 
 
 def _order(confirmed: ConfirmedDiagnosis, before: ErrorStats) -> list[ScoredCandidate]:

@@ -25,8 +25,6 @@ from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 MIN_T = 3.0  # ratio of typical size to standard error of a parameter worth fitting
-MAX_VARIANCE_INFLATION = 100.0  # square of a column over that of its independent part (Marquardt 1970)
-MAX_ITERATIONS = 6
 FEW_OUTLIERS = 0.2  # share of the poses
 MAX_SUBSAMPLE = 2000  # poses that are screened, or fitted without a start from the fit to a subsample
 SELECTION_ORDER = (

@@ -86,7 +86,7 @@ def transferred(model: Model, covariance: Covariance | None, arm: Arm, noise: fl
     """The arm's part of a model, on another installation of that arm.
 
     Args:
-        known: covariance of the model's parameters; those without one are taken as exact.
+        covariance: of the model's parameters; those without one are taken as exact.
         arm: the target; only its base, gravity, tool and limits may differ.
         noise: error that the model left on the bench, standard deviation per axis (m).
 

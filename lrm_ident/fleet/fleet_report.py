@@ -33,7 +33,7 @@ class FleetResult:
 
     Attributes:
         estimates: parameters of each arm with a model, by name. known: what they have in common, or the reason why
-            nothing can be said. left_out: outliers, which are not part of what is common.
+            nothing can be said. outliers: parameters of an arm, not part of what is common.
     """
 
     members: tuple[FleetMember, ...]

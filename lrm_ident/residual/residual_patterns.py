@@ -40,7 +40,7 @@ def residual_patterns(
     Args:
         outlier_distances: distance (m) between measured and predicted TCP of each pose that was left out of the data,
             by number. Outliers that lie together are a regime.
-        known: result of the Gaussian process, where it is known already.
+        prediction: result of the Gaussian process, where it is known already.
     """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.equilibrium, keys).reshape(fitted.residual.size, len(keys))

@@ -1,12 +1,12 @@
-"""The catalogue of effects: one class for each physical error source. To add one: its file, and its line here."""
+"""The catalogue of effects: one class for each physical error source. To add one: its file, and two lines here."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from importlib import import_module
 
 from lrm_math.arm.arm import Arm
+from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import (
     AngleDependentEffect,
     Description,
@@ -19,68 +19,87 @@ from lrm_math.effects.base import (
     Parameter,
     separately,
 )
+from lrm_math.effects.compliance import (
+    BaseCompliance,
+    BendingEnds,
+    Compliance,
+    LateralCompliance,
+    NonlinearStiffness,
+    ServoDroop,
+    ToolCompliance,
+)
+from lrm_math.effects.curves import AngleCurve, CableCurve, CouplingCurve
+from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.effects.forces import CableSpring, Gravity, Mass, Payload
+from lrm_math.effects.memory.creep import Creep, CreepSpectrum
+from lrm_math.effects.memory.friction import FrictionCurve
+from lrm_math.effects.memory.self_heating import SelfHeating
+from lrm_math.effects.memory.settling_error import SettlingError
+from lrm_math.effects.memory.slip import Slip
+from lrm_math.effects.moment_curves import BaseCurve, BearingCurve, TorqueCurve
+from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.reference import EffectRef, ParameterRef, effect_of
+from lrm_math.effects.servo_errors import (
+    CommonGain,
+    Coupling,
+    Eccentricity,
+    Quantisation,
+    ServoGain,
+    TransmissionRipple,
+)
+from lrm_math.effects.session_errors import ChangePoint, Drift, DriftCurve, SecondChangePoint, Session
 from lrm_math.effects.targets import Kind, kind_of
+from lrm_math.effects.tracker_errors import Anchor, DepthScale, FrameCurve, MeasurementFrame, TouchedBoard, TouchedPoint
 from lrm_math.errors import UnknownName
 
-
-def _effect_class(path: str) -> type[Effect]:
-    module, name = path.rsplit(".", 1)
-    effect_class: type[Effect] = getattr(import_module(f"lrm_math.effects.{module}"), name)
-    return effect_class
-
-
-ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
-    _effect_class(path)
-    for path in (
-        "offsets.Offsets",
-        "compliance.Compliance",
-        "compliance.BaseCompliance",
-        "compliance.LateralCompliance",
-        "compliance.ToolCompliance",
-        "compliance.NonlinearStiffness",
-        "backlash.Backlash",
-        "backlash.AxialPlay",
-        "backlash.Hysteresis",
-        "servo_errors.ServoGain",
-        "servo_errors.CommonGain",
-        "servo_errors.Eccentricity",
-        "servo_errors.Quantisation",
-        "forces.CableSpring",
-        "servo_errors.Coupling",
-        "forces.Payload",
-        "forces.Mass",
-        "forces.Gravity",
-        "session_errors.Drift",
-        "session_errors.Session",
-        "session_errors.ChangePoint",
-        "tracker_errors.DepthScale",
-        "tracker_errors.MeasurementFrame",
-        "tracker_errors.Anchor",
-        "tracker_errors.TouchedPoint",
-        "tracker_errors.TouchedBoard",
-        "compliance.ServoDroop",
-        "memory.creep.Creep",
-        "memory.self_heating.SelfHeating",
-        "memory.slip.Slip",
-        "memory.settling_error.SettlingError",
-        "servo_errors.TransmissionRipple",
-        # other forms, from plain to rich
-        "compliance.BendingEnds",
-        "moment_curves.BearingCurve",
-        "moment_curves.TorqueCurve",
-        "moment_curves.BaseCurve",
-        "memory.friction.FrictionCurve",
-        "memory.creep.CreepSpectrum",
-        "curves.AngleCurve",
-        "curves.CouplingCurve",
-        "curves.CableCurve",
-        "session_errors.DriftCurve",
-        "session_errors.SecondChangePoint",
-        "tracker_errors.FrameCurve",
-        # no causes
-        "field.residual_field.ResidualField",
-    )
+ALL_EFFECTS: tuple[type[Effect], ...] = (
+    Offsets,
+    Compliance,
+    BaseCompliance,
+    LateralCompliance,
+    ToolCompliance,
+    NonlinearStiffness,
+    Backlash,
+    AxialPlay,
+    Hysteresis,
+    ServoGain,
+    CommonGain,
+    Eccentricity,
+    Quantisation,
+    CableSpring,
+    Coupling,
+    Payload,
+    Mass,
+    Gravity,
+    Drift,
+    Session,
+    ChangePoint,
+    DepthScale,
+    MeasurementFrame,
+    Anchor,
+    TouchedPoint,
+    TouchedBoard,
+    ServoDroop,
+    Creep,
+    SelfHeating,
+    Slip,
+    SettlingError,
+    TransmissionRipple,
+    # other forms, from plain to rich
+    BendingEnds,
+    BearingCurve,
+    TorqueCurve,
+    BaseCurve,
+    FrictionCurve,
+    CreepSpectrum,
+    AngleCurve,
+    CouplingCurve,
+    CableCurve,
+    DriftCurve,
+    SecondChangePoint,
+    FrameCurve,
+    # no causes
+    ResidualField,
 )
 
 

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from bench.calibrated_ik import distinct
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.ik.calibrated import CalibratedSolver
@@ -25,7 +26,6 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from tests.ik.test_residual_field import LOWER, UPPER, commands, with_field
 from tests.support.sweep import examples
-from validation.calibrated_ik import distinct
 
 pytestmark = pytest.mark.long
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.calibrated_ik import SMOOTH, with_effects
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.pulse_rounding import Rounding
@@ -32,7 +33,6 @@ from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
-from validation.calibrated_ik import SMOOTH, with_effects
 
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998

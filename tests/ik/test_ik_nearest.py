@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from bench.calibrated_ik import SMOOTH, with_effects
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -31,7 +32,6 @@ from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 from tests.support.sweep import examples
-from validation.calibrated_ik import SMOOTH, with_effects
 
 FORMS = ("point", "along", "pose")
 MODELS = ("nominal", "thesis", "everything")

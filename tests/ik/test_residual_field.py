@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.calibrated_ik import DISTINCT, distinct
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -22,7 +23,6 @@ from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.nameless_arm import measured
-from validation.calibrated_ik import DISTINCT, distinct
 
 pytestmark = pytest.mark.long
 

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from bench.calibrated_ik import SMOOTH, TABLE_B2, with_effects
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
@@ -22,7 +23,6 @@ from lrm_math.model.model_file import load_model
 from lrmd.config import Config
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.service import IkService
-from validation.calibrated_ik import SMOOTH, TABLE_B2, with_effects
 
 Content: TypeAlias = dict[str, Any]
 REACHABLE = 0.9

@@ -26,7 +26,6 @@ class MujocoRobot:
     Attributes:
         base, tip: the links between which the arm stands. motors: names of its joints that have one.
         couplings: for joints that follow: leader, ratio and offset (rad), as the file states them.
-        angle_zero: MuJoCo's angle of each joint where the file's is zero (rad).
     """
 
     model: Any

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 import time
 import tty
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -21,6 +20,7 @@ from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.control import ArmRequest, JointsState, Reply
 from lrmd.messages.zenoh_session import client
+from tests.support.background import repeated
 from tests.support.daemon.daemon_harness import HOME, arm_when_ready, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, BoardProcess, DaemonProcess, DaemonSetup, wait_for
 from tests.support.daemon.forger import TRIES, accepted, forged
@@ -32,27 +32,19 @@ def board_of_version(path: Path, version: int) -> Iterator[None]:
     master, slave = os.openpty()
     tty.setraw(slave)
     path.symlink_to(os.ttyname(slave))
-    ending = threading.Event()
+    decoder = FrameDecoder()
+    os.set_blocking(master, False)
 
     def answer() -> None:
-        decoder = FrameDecoder()
-        os.set_blocking(master, False)
-        while not ending.wait(0.002):
-            try:
-                data = os.read(master, 4096)
-            except BlockingIOError:
-                continue
-            for frame in decoder.feed(data):
+        with suppress(BlockingIOError):
+            for frame in decoder.feed(os.read(master, 4096)):
                 if isinstance(frame, Frame) and frame.type == FrameType.HELLO:
                     os.write(master, encode(Frame(FrameType.INFO, frame.seq, 0b1111, (version, 7, 8, 9))))
 
-    thread = threading.Thread(target=answer)
-    thread.start()
     try:
-        yield
+        with repeated(answer, 0.002):
+            yield
     finally:
-        ending.set()
-        thread.join()
         path.unlink()
         os.close(master)
         os.close(slave)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.identifiability import MAX_VARIANCE_INFLATION
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.thresholds import Z_THRESHOLD
@@ -25,6 +24,8 @@ from lrm_math.model.deployed_model import of_a_session
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
+MAX_VARIANCE_INFLATION = 100.0
+"""Square of a column over that of its part that is independent of the others (Marquardt 1970)."""
 HALF = 0.5
 """Size of a term, over that within the range, below which the model errs less without it."""
 

@@ -44,7 +44,7 @@ def drivers_of(
     they do as well.
 
     Args:
-        form: (N,), NaN nowhere that is observable. known: at the same poses; joint: from 0.
+        form: (N,), NaN nowhere that is observable. covariates_known: at the same poses. joint: from 0.
     """
     order = sorted(covariates_known, key=lambda covariate: covariate.joint != joint)
     shown, seen = form[observable], [scaled(covariate.values[observable]) for covariate in order]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from lrmd.ik.deployed_model import deploy
 from lrmd.ik.planner import NoPlan
 from lrmd.ik.service import IkService
 from lrmd.messages.codec import MessageError, pack, unpack
-from lrmd.messages.control import JogRequest, SceneCommand
+from lrmd.messages.control import SceneCommand
 from lrmd.messages.kinematics import GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.surroundings import MOST_CELLS, MOST_HEIGHTS, MOST_OBSTACLES, ObstacleEntry, packed, unpacked
 from lrmd.ramp.shared_memory import SharedRecords
@@ -71,36 +71,28 @@ def tell(sim: ArmedDaemon, *put: ObstacleEntry, owner: str = "map", **more: Any)
     sim.core.handle(SceneCommand(owner=owner, put=list(put), **more), sim.now)
 
 
-def test_a_move_into_an_obstacle_is_refused_and_possible_again_without_it(sim: ArmedDaemon, config: Config) -> None:
-    tell(sim, on_the_way(config, 0.8))
-    with pytest.raises(RequestError, match="stone"):
+@pytest.mark.parametrize("obstacle", [on_the_way, rock])
+def test_a_move_into_an_obstacle_is_refused_and_possible_again_without_it(
+    sim: ArmedDaemon, config: Config, obstacle: Callable[[Config, float], ObstacleEntry]
+) -> None:
+    stone = obstacle(config, 0.8)
+    tell(sim, stone)
+    with pytest.raises(RequestError, match=rf"\b{stone.name}\b.* would come"):
         sim.start(AWAY)
-    tell(sim, remove=["stone"])
+    tell(sim, remove=[stone.name])
     sim.start(AWAY)
     assert sim.core.mode is Mode.MOVING
 
 
+@pytest.mark.parametrize("obstacle", [on_the_way, rock])
 def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_its_way_does_not(
-    sim: ArmedDaemon, config: Config
+    sim: ArmedDaemon, config: Config, obstacle: Callable[[Config, float], ObstacleEntry]
 ) -> None:
     sim.start(AWAY)
     sim.keep(20)
     tell(sim, sphere("far", (0.0, 0.8, 0.8)))
     assert sim.core.mode is Mode.MOVING
-    tell(sim, on_the_way(config, 0.9))
-    assert sim.core.mode is Mode.HOLDING
-    assert "motion_stopped" in [event.code for event in sim.core.events]
-
-
-def test_a_map_of_heights_is_an_obstacle_as_any_other(sim: ArmedDaemon, config: Config) -> None:
-    """A column on the way refuses the move, stops one that is under way and a jog; one at the arm is refused."""
-    tell(sim, rock(config, 0.8))
-    with pytest.raises(RequestError, match="map would come"):
-        sim.start(AWAY)
-    tell(sim, remove=["map"])
-    sim.start(AWAY)
-    sim.keep(20)
-    tell(sim, rock(config, 0.9))
+    tell(sim, obstacle(config, 0.9))
     assert sim.core.mode is Mode.HOLDING
     assert "motion_stopped" in [event.code for event in sim.core.events]
 
@@ -110,20 +102,12 @@ def test_a_jog_stops_before_a_column_and_a_map_inside_the_arm_is_refused(sim: Ar
     tell(sim, rock(config, 0.6), max_age_s=None)
     scene = Scene.of(config.arm, around=sim.core.obstacles.shapes())
     with_map = ["map" in pair for pair in scene.names.tolist()]
-    rates = sim.named(0.2 * (AWAY - ABOVE) / np.abs(AWAY - ABOVE).max())
-    visited = []
-    for _ in range(60):
-        sim.settle()
-        with suppress(RequestError):
-            sim.core.handle(JogRequest(lease=sim.token, rate_rad_per_s=rates), sim.now)
-        for _ in range(10):
-            sim.keep(1)
-            visited.append(sim.core.angles(sim.ramp.position)[:6])
-    apart = scene.separations(scene.frames(np.array(visited)))[:, with_map]
+    visited = sim.jogged(AWAY - ABOVE)
+    apart = scene.separations(scene.frames(visited))[:, with_map]
     assert apart.min() >= min(scene.margin, apart[0].min()) - 1e-5
     assert apart.min() < scene.margin + 1e-2 < apart[0].min()
     with pytest.raises(RequestError, match=r"'map' would be inside"):
-        tell(sim, rock(config, share_of(np.array(visited[-1]))))
+        tell(sim, rock(config, share_of(visited[-1])))
 
 
 def share_of(q: Array) -> float:

@@ -165,15 +165,19 @@ def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
     assert np.linalg.norm(np.subtract(tip(ik, goal, Known(running=0.0), direction=[[1] * 6]), kept)) > 1e-5
 
 
+def cold_joint(config: Config) -> tuple[Model, IkService]:
+    """Joint 2 warms up, from cold, by 0.05 rad with a time constant of 20 s; else the arm is as drawn."""
+    effects = [e for name in ("offsets", "compliance", "drift@joint2") for e in effects_at(config.arm, name)]
+    law = {"drift.joint2.A_rad": 0.05, "drift.joint2.T_s": 20.0}
+    state = StateAfterSession({"drift@joint2": "last"}, {}, {"drift@joint2": 0.0})
+    of = model_of(config.arm, effects, law).with_state(state)
+    return of, IkService.of(config, DeployedModel(of, None, "", "sha", ("drift",)))
+
+
 def test_rpc_ik_and_a_plan_reach_the_goal_with_the_warm_up_at_arrival() -> None:
     """Not as the arm is when the answer is given: a long way takes seconds, in which a cold joint warms up."""
     slow, start, running = load_config(CONFIG), np.zeros(6), 4.0
-    arm = slow.arm
-    effects = [e for name in ("offsets", "compliance", "drift@joint2") for e in effects_at(arm, name)]
-    law = {"drift.joint2.A_rad": 0.05, "drift.joint2.T_s": 20.0}
-    state = StateAfterSession({"drift@joint2": "last"}, {}, {"drift@joint2": 0.0})
-    of = model_of(arm, effects, law).with_state(state)
-    ik = IkService.of(slow, DeployedModel(of, None, "", "sha", ("drift",)))
+    of, ik = cold_joint(slow)
     known = Known(Motion.at(start), running, 30.0, 0.0)
     (there,) = ik.forward(FkRequest(q_rad=[[0.6, 0.4, 0.3, 0.2, -0.3, 0.1]]), known)
     goal = GoalEntry(position_m=there.tcp_m)
@@ -187,7 +191,7 @@ def test_rpc_ik_and_a_plan_reach_the_goal_with_the_warm_up_at_arrival() -> None:
         assert seconds > 1.0
         drift, now = (0.05 * -np.expm1(-time / 20.0) for time in (running + seconds, running))
         turned = np.array([q]) + np.eye(6)[1] * np.array([[drift], [now]])
-        tips = solve_equilibrium(model_of(arm, effects), poses_of(turned)).true_tcp
+        tips = solve_equilibrium(model_of(of.arm, of.effects), poses_of(turned)).true_tcp
         reached, at_once = np.linalg.norm(tips - there.tcp_m, axis=1)
         assert reached < 2e-6
         assert at_once > 1e-4
@@ -196,12 +200,7 @@ def test_rpc_ik_and_a_plan_reach_the_goal_with_the_warm_up_at_arrival() -> None:
 def test_a_straight_line_has_the_warm_up_of_each_waypoint_at_its_arrival() -> None:
     """A cold joint turns by more than a line's tolerance while the tip goes 80 mm: the line stays straight in it."""
     config, start, running = load_config(CONFIG), np.array([0.2, 0.5, 0.4, 0.9, -0.3, 0.4]), 4.0
-    arm = config.arm
-    effects = [e for name in ("offsets", "compliance", "drift@joint2") for e in effects_at(arm, name)]
-    law = {"drift.joint2.A_rad": 0.05, "drift.joint2.T_s": 20.0}
-    state = StateAfterSession({"drift@joint2": "last"}, {}, {"drift@joint2": 0.0})
-    of = model_of(arm, effects, law).with_state(state)
-    ik = IkService.of(config, DeployedModel(of, None, "", "sha", ("drift",)))
+    of, ik = cold_joint(config)
     known = Known(Motion.at(start), running, 30.0, 0.0)
     (here,) = ik.forward(FkRequest(q_rad=[start.tolist()]), known)
     goal = np.array(here.tcp_m) + np.array([0.0, -0.08, 0.0])
@@ -213,7 +212,9 @@ def test_a_straight_line_has_the_warm_up_of_each_waypoint_at_its_arrival() -> No
     elapsed = np.concatenate([[0.0], np.cumsum(ticks)]) * config.tick / SECOND
     drift = 0.05 * -np.expm1((running + elapsed) / -20.0)
     assert (drift[-1] - drift[0]) * 0.3 > TOLERANCE
-    tips = solve_equilibrium(model_of(arm, effects), poses_of(np.array(path) + drift[:, None] * np.eye(6)[1])).true_tcp
+    tips = solve_equilibrium(
+        model_of(of.arm, of.effects), poses_of(np.array(path) + drift[:, None] * np.eye(6)[1])
+    ).true_tcp
     assert np.abs((tips - here.tcp_m)[:, [0, 2]]).max() < TOLERANCE
     assert np.linalg.norm(tips[-1] - goal) < 2e-5
 

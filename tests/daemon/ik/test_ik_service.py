@@ -24,13 +24,14 @@ from lrm_math.ik.methods import DEFAULT, METHODS, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import under_gravity, with_load_at
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.model import Model
 from lrmd.config import Config, load_config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
 from lrmd.messages.codec import Message, MessageError, unpack
-from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 from tests.conftest import TABLE_B2
 from tests.math.collision.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
@@ -488,6 +489,22 @@ def test_answers_name_the_joints_outside_the_range_of_the_fit() -> None:
     assert [place.outside_range for place in service().forward(FkRequest(q_rad=[far]))] == [[]]
 
 
+def forward_as_expected(of: IkService, request: FkRequest, expected: Equilibrium) -> list[FkAnswer]:
+    found = list(of.forward(request))
+    np.testing.assert_allclose([one.tcp_m for one in found], expected.true_tcp, atol=1e-9)
+    np.testing.assert_allclose([one.tau_nm for one in found], expected.joint_torque, atol=1e-9)
+    return found
+
+
+def assert_inverse_reaches(of: IkService, model: Model, there: list[FkAnswer], near: list[float], load: float) -> None:
+    goals = IkRequest(goals=[GoalEntry(position_m=one.tcp_m) for one in there], payload_kg=load, near_rad=near)
+    solved = [answer for answer in of.inverse(goals) if answer.q_rad is not None]
+    assert solved
+    for answer in solved:
+        reached = solve_equilibrium(model, poses_of(answer.q_rad, load, np.array([answer.direction])))
+        np.testing.assert_allclose(reached.true_tcp[0], answer.tcp_m, atol=EXACT)
+
+
 def test_a_known_direction_of_gravity_is_that_of_another_arm_file() -> None:
     """Forward and inverse kinematics on a slope; and back, the very same answers as before."""
     lean = math.radians(12.0)
@@ -497,17 +514,10 @@ def test_a_known_direction_of_gravity_is_that_of_another_arm_file() -> None:
     request = FkRequest(q_rad=q, payload_kg=0.05)
     model = under_gravity(deploy(config()).model, down)
     expected = solve_equilibrium(model, poses_of(q, 0.05))
-    found = list(tilted.forward(request))
-    np.testing.assert_allclose([one.tcp_m for one in found], expected.true_tcp, atol=1e-9)
-    np.testing.assert_allclose([one.tau_nm for one in found], expected.joint_torque, atol=1e-9)
+    found = forward_as_expected(tilted, request, expected)
     level = list(service().forward(request))
     assert np.linalg.norm(np.subtract([a.tcp_m for a in level], [b.tcp_m for b in found]), axis=1).max() > 2e-3
-    goals = IkRequest(goals=[GoalEntry(position_m=one.tcp_m) for one in found], payload_kg=0.05, near_rad=q[0])
-    solved = [answer for answer in tilted.inverse(goals) if answer.q_rad is not None]
-    assert solved
-    for answer in solved:
-        reached = solve_equilibrium(model, poses_of(answer.q_rad, 0.05, np.array([answer.direction])))
-        np.testing.assert_allclose(reached.true_tcp[0], answer.tcp_m, atol=EXACT)
+    assert_inverse_reaches(tilted, model, found, q[0], 0.05)
     assert [one.model_dump() for one in tilted.under_gravity(None).forward(request)] == [
         one.model_dump() for one in level
     ]
@@ -524,15 +534,8 @@ def test_the_centre_of_a_load_counts_in_forward_and_inverse_on_a_slope_too() -> 
         service().under_gravity(down).with_load_at(centre),
         service().with_load_at(centre).under_gravity(down),
     ):
-        found = list(told.forward(request))
-        np.testing.assert_allclose([one.tcp_m for one in found], expected.true_tcp, atol=1e-9)
-        np.testing.assert_allclose([one.tau_nm for one in found], expected.joint_torque, atol=1e-9)
-    goals = IkRequest(goals=[GoalEntry(position_m=one.tcp_m) for one in found], payload_kg=0.1, near_rad=q[0])
-    solved = [answer for answer in told.inverse(goals) if answer.q_rad is not None]
-    assert solved
-    for answer in solved:
-        reached = solve_equilibrium(model, poses_of(answer.q_rad, 0.1, np.array([answer.direction])))
-        np.testing.assert_allclose(reached.true_tcp[0], answer.tcp_m, atol=EXACT)
+        found = forward_as_expected(told, request, expected)
+    assert_inverse_reaches(told, model, found, q[0], 0.1)
     level = [one.model_dump() for one in service().forward(request)]
     moved = service().with_load_at(centre)
     assert [one.model_dump() for one in moved.with_load_at(ORIGIN).forward(request)] == level

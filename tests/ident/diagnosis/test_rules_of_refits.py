@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from string import ascii_lowercase
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
@@ -67,7 +68,7 @@ def confirmed(
     `again`: those that repeat the first one. `tried`: takes the names of those that are refitted. `options`: of
     `confirm`.
     """
-    effects = [scored(name, alone) for name, (alone, _) in zip("abc", candidates, strict=False)]
+    effects = [scored(name, alone) for name, (alone, _) in zip(ascii_lowercase, candidates, strict=False)]
 
     def diagnosis(*supported: Any) -> Any:
         screening = SimpleNamespace(linear=SimpleNamespace(baseline=SimpleNamespace(held_out=np.ones(POSES))))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +22,7 @@ from lrm_math.collision.straight_move import check_path, rigid_bodies
 from lrmd.config import Config, load_config
 from tests.soak.hostile.estop_client import foreign
 from tests.soak.hostile.trial import Trial
+from tests.support.background import repeated
 from tests.support.daemon.daemon_process import ROOT, wait_for
 from tests.support.daemon.pulse_invariants import read_frames
 
@@ -113,20 +113,9 @@ class Stranger:
     @contextmanager
     def renewed(self) -> Iterator[None]:
         """Takes the lease, and renews it meanwhile."""
-        over = threading.Event()
-
-        def renew() -> None:
-            while not over.wait(0.1):
-                self.take()
-
         self.take()
-        thread = threading.Thread(target=renew)
-        thread.start()
-        try:
+        with repeated(self.take, 0.1):
             yield
-        finally:
-            over.set()
-            thread.join()
 
 
 @contextmanager

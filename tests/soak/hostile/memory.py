@@ -12,7 +12,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -22,6 +21,7 @@ from pathlib import Path
 
 from tests.soak.hostile.flood import KINDS, flooded
 from tests.soak.hostile.trial import Trial, trial
+from tests.support.background import repeated
 from tests.support.daemon.daemon_process import COOL, DaemonSetup, children, role, running_daemon
 from validation.options import asked
 
@@ -83,19 +83,8 @@ class PeakMemory:
     @contextmanager
     def sampled(self) -> Iterator[None]:
         """Samples while the block runs."""
-        ended = threading.Event()
-
-        def run() -> None:
-            while not ended.wait(SAMPLE_S):
-                self._sample()
-
-        thread = threading.Thread(target=run, daemon=True)
-        thread.start()
-        try:
+        with repeated(self._sample, SAMPLE_S):
             yield
-        finally:
-            ended.set()
-            thread.join()
 
     def growth(self) -> dict[str, float]:
         """MB by role; of a trial all that it takes."""

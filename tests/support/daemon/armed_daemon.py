@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
+
+import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.kinematics.known import Known
 from lrmd.config import SECOND, Config
 from lrmd.control.motion_record import known_of
 from lrmd.control.state_machine import Mode
-from lrmd.messages.control import ArmRequest, DisarmRequest, LeaseRequest, MoveRequest
+from lrmd.errors import RequestError
+from lrmd.messages.control import ArmRequest, DisarmRequest, JogRequest, LeaseRequest, MoveRequest
 from lrmd.persistence.state_file import StoredState
 from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.sim.board import SimulatedBoard
@@ -81,6 +85,18 @@ class ArmedDaemon(SimulatedDaemon):
         """Moves there, and waits."""
         self.start(*waypoints)
         self.until(Mode.ARMED)
+
+    def jogged(self, way: Array) -> Array:
+        """(N, n), angles (rad) tick by tick while 60 jogs that way, at 0.2 rad/s at most, are asked for or refused."""
+        rates, visited = self.named(0.2 * way / np.abs(way).max()), []
+        for _ in range(60):
+            self.settle()
+            with suppress(RequestError):
+                self.core.handle(JogRequest(lease=self.token, rate_rad_per_s=rates), self.now)
+            for _ in range(10):
+                self.keep(1)
+                visited.append(self.core.angles(self.ramp.position)[: self.config.dof])
+        return np.array(visited)
 
     def until(self, mode: Mode) -> None:
         """Lets time pass until the arm is in a mode."""

@@ -16,6 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.symbolic_regression import law_columns
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law, extensions_at, laws_at, quantities_at
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
@@ -80,6 +81,37 @@ def test_every_law_of_the_grammar_is_another_and_can_be_evaluated() -> None:
     assert "δq2 = a abs(tau3)" in formulas
     assert "δq2 = a tau3 * side" not in formulas
     assert {"δd2 = a time", "δd2 = a tau1"} < {law.formula for law in some_extensions(poses, torque)}
+
+
+def test_waves_places_and_widths_of_the_laws_are_those_that_are_stated() -> None:
+    """Six waves a turn of an angle, three of a sum of two, two as a factor; a place every 0.4 rad as far as 1.2."""
+    poses, torque = some_poses(0)
+    text = "\n".join(law.formula for law in laws_at(1, quantities_at(1, poses, torque)))
+
+    def numbers(pattern: str) -> set[float]:
+        return {float(number.replace(" ", "")) for number in re.findall(pattern, text)}
+
+    assert numbers(r"a sin\((\d) \* q2\) \+ b cos") == {2, 3, 4, 5, 6}
+    assert numbers(r"a sin\((\d) \* \(q1 \+ q3\)\)") == {2, 3}
+    assert numbers(r"a sin\((\d) \* q1\) \* \w+\(q3") == numbers(r"\* sin\((\d) \* q3\)") == {2}
+    assert numbers(r"maximum\(q2 ([+-] [\d.]+),") == {-1.2, -0.8, -0.4, 0.4, 0.8, 1.2}
+    for shape in ("tanh", "exp"):
+        assert numbers(rf"{shape}\(-?\(\(?q2[^)]*\) / ([\d.]+)\)") == {0.4}
+
+
+@pytest.mark.parametrize(("count", "curved"), [(2, False), (3, True)])
+def test_of_two_values_only_a_line_is_a_law(count: int, curved: bool) -> None:
+    poses, torque = some_poses(0)
+    loads = replace(poses, payload=0.02 * (np.arange(40) % count))
+    formulas = {law.formula for law in laws_at(1, quantities_at(1, loads, torque))}
+    assert "δq2 = a load" in formulas
+    assert ("δq2 = a load^2" in formulas) is curved
+
+
+def test_a_term_that_hardly_varies_is_a_constant() -> None:
+    wave = np.where(np.arange(40) % 2, 1.0, -1.0)[:, None]
+    assert not law_columns._fingerprint(1.0 + 0.018 * wave)
+    assert law_columns._fingerprint(1.0 + 0.022 * wave)
 
 
 def some_extensions(poses: Poses, torque: Array) -> list[Law]:

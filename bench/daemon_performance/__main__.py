@@ -1,6 +1,6 @@
 """Speed and punctuality of the daemon, in real processes on a simulated board: the worst value counts.
 
-`python -m validation.daemon_performance [--minutes 10] [--kills 100] [--only PART]`. Parts `direct` and `cube`: the
+`python -m bench.daemon_performance [--minutes 10] [--kills 100] [--only PART]`. Parts `direct` and `cube`: the
 daemon with the thesis's model (option 1) answers inverse kinematics by this method while the arm moves.
 """
 
@@ -12,9 +12,9 @@ import statistics
 import sys
 from collections.abc import Callable, Mapping
 
+from bench.daemon_performance import faults, timing
+from bench.daemon_performance.measurement import PerformanceFigure
 from lrm_math.errors import LrmError
-from validation.daemon_performance import faults, timing
-from validation.daemon_performance.measurement import PerformanceFigure
 from validation.options import Count, asked
 from validation.tables import markdown_table
 

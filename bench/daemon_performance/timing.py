@@ -17,14 +17,14 @@ from typing import Literal, Self
 import zenoh
 from scipy.spatial.transform import Rotation
 
+from bench.calibrated_ik import TABLE_B2
+from bench.daemon_performance.measurement import MS, PerformanceFigure, running_harness, setup_with_board
 from lrmd.client import NoReply, Rover
 from lrmd.messages.codec import pack
 from lrmd.messages.control import JointsState, MetricsState
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon.daemon_process import START_TIMEOUT, DaemonProcess, DaemonSetup, children
-from validation.calibrated_ik import TABLE_B2
-from validation.daemon_performance.measurement import MS, PerformanceFigure, running_harness, setup_with_board
 
 QUERIES_PER_S = 200.0
 METRICS_S = 1.1

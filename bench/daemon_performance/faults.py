@@ -13,15 +13,7 @@ from pathlib import Path
 
 import zenoh
 
-from lrm_math.errors import LrmError
-from lrmd.config import load_config
-from lrmd.messages.codec import Message, pack, unpack
-from lrmd.messages.control import ArmRequest, EstopCommand, Event, LeaseRequest, MoveRequest, Reply
-from lrmd.messages.zenoh_session import client
-from tests.support.daemon.daemon_harness import HOME, wait_for_link
-from tests.support.daemon.daemon_process import SECOND, DaemonProcess, DaemonSetup, children, is_alive, wait_for
-from tests.support.daemon.pulse_invariants import pulse_invariants, read_frames
-from validation.daemon_performance.measurement import (
+from bench.daemon_performance.measurement import (
     FAR,
     MS,
     NEAR,
@@ -33,6 +25,14 @@ from validation.daemon_performance.measurement import (
     step,
     time_when,
 )
+from lrm_math.errors import LrmError
+from lrmd.config import load_config
+from lrmd.messages.codec import Message, pack, unpack
+from lrmd.messages.control import ArmRequest, EstopCommand, Event, LeaseRequest, MoveRequest, Reply
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_process import SECOND, DaemonProcess, DaemonSetup, children, is_alive, wait_for
+from tests.support.daemon.pulse_invariants import pulse_invariants, read_frames
 
 
 def estops(n: int) -> list[PerformanceFigure]:
