@@ -14,6 +14,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.motion.base import JointDrive, MotionEffect, Values
 from lrm_math.motion.effects import ServoResponse
+from lrm_math.motion.linear_recursion import linear_recursion
 from lrm_math.motion.spring_step import sprung, two_masses
 
 LEAST_INERTIA = 0.05
@@ -56,11 +57,11 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     stiffness, braking = omega**2 / inertia, braking / inertia
     second = next((x for effect, p in pairs if (x := effect.hung(p)) is not None), None)
     damped: tuple[Array, ...] = sprung(stiffness, braking, h)
-    if second is not None:
+    if second is None:
+        step = np.array([[1.0 - damped[0], -damped[1]], [damped[2], damped[3]]])
+    else:
         step = two_masses(stiffness, braking, (*second[:2], second[2] / inertia), h)
-        step = np.broadcast_to(step[:, :, None] if step.ndim < 5 else step, (4, 4, *u.shape))
-        damped = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
-    pushed, moved, kicked, slowed = (np.broadcast_to(x, u.shape) for x in damped)
+    step = step[:, :, None] if step.ndim < 5 else step
     blows = stiffness * sum(effect.lead(p) for effect, p in pairs) * np.diff(u, axis=0, prepend=u[:1])
     told = u + yielding * drive.reaction[:, None] + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
@@ -68,8 +69,13 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
     limits = [limit for effect, p in pairs if (limit := effect.saturation(p)) is not None]
     most = np.minimum.reduce(limits) if limits else None
     q, v = np.broadcast_to(start, u.shape[1:]).copy(), np.broadcast_to(drive.speed, u.shape[1:]).copy()
+    dry = bool(np.any(rubs)) or bool(fading)
+    if not dry and most is None:
+        return _pulled(step, told, blows, q, v)
     out = np.empty((len(u) + 1, *u.shape[1:]))
-    out[0], dry = q, bool(np.any(rubs)) or bool(fading)
+    out[0] = q
+    step = np.broadcast_to(step, (*step.shape[:2], *u.shape))
+    pushed, moved, kicked, slowed = 1.0 - step[0, 0], -step[0, 1], step[1, 0], step[1, 1]
     behind = np.zeros((2, *q.shape))  # angle and speed of the second mass, less those of the joint
     for k in range(len(u)):
         v = v + blows[k]
@@ -78,14 +84,15 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
             ahead = ahead - np.sum(step[0, 2:, k] * behind, axis=0)
             then = then + np.sum(step[1, 2:, k] * behind, axis=0)
         if most is not None:
-            limited = np.clip(force, -most, most)
+            limited = _within(force, most)
             force = force - _mean_excess(force, force - pushed[k] * limited - ahead, most)
         then = then + kicked[k] * force
         if dry:
-            stop = -then / kicked[k]
-            rub = np.clip(stop, -rubs[k], rubs[k])
+            stop, half = -then / kicked[k], 0.5 * kicked[k]
             if fading:
-                rub = _implicit(partial(_rub, fading, rubs[k], stop, 0.5 * v, 0.5 * kicked[k]), np.zeros_like(q))
+                rub = _implicit(partial(_rub, fading, rubs[k], stop, 0.5 * v - half * stop, half), np.zeros_like(q))
+            else:
+                rub = _within(stop, rubs[k])
             force, then = force + rub, then + kicked[k] * rub
         q = q + pushed[k] * force + ahead
         if second is not None:
@@ -93,6 +100,21 @@ def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointD
         v = then
         out[k + 1] = q + behind[0]
     return out
+
+
+def _pulled(step: Array, told: Array, blows: Array, q: Array, v: Array) -> Array:
+    """(M + 1, P, S), rad, of the read mass where neither friction nor a limit acts: each step is linear.
+
+    `step`: (n, n, M or 1, …), of the deflection told − q, the speed, and of what is hung.
+    """
+    sign = np.array([-1.0, *np.ones(len(step) - 1)]).reshape(-1, 1, 1, 1)
+    A = np.moveaxis(sign[:, None] * step * sign, 2, 0)
+    pull = step[:, 0].copy()
+    pull[0] = 1.0 - pull[0]
+    b = np.moveaxis(pull * told + sign * step[:, 1] * blows, 0, 1)
+    x = np.concatenate([[q, v], np.zeros((len(step) - 2, *q.shape))])
+    path = linear_recursion(A, b, x)
+    return path[:, 0] if len(step) == 2 else path[:, 0] + path[:, 2]
 
 
 def _unrepeated(values: Array) -> Array:
@@ -107,9 +129,16 @@ def _unrepeated(values: Array) -> Array:
 def _rub(
     fading: Sequence[tuple[MotionEffect, Values]], dry: Array, stop: Array, slow: Array, kicked: Array, rub: Array
 ) -> Array:
-    """Friction (rad) at the mean speed of a step that is braked by `rub`; `stop`: what would stop the joint."""
-    bound = dry + sum(effect.friction_at(slow + kicked * (rub - stop), p) for effect, p in fading)
-    return np.clip(stop, -bound, bound)
+    """Friction (rad) at the mean speed slow + kicked rub of a step; `stop`: what would stop the joint."""
+    speed, bound = slow + kicked * rub, dry
+    for effect, p in fading:
+        bound = bound + effect.friction_at(speed, p)
+    return _within(stop, bound)
+
+
+def _within(values: Array, bound: Array) -> Array:
+    """Values no farther from zero than a bound; `np.clip` takes three times as long for so few."""
+    return np.asarray(np.minimum(np.maximum(values, -bound), bound))
 
 
 def _implicit(of: Callable[[Array], Array], rub: Array) -> Array:
@@ -117,8 +146,10 @@ def _implicit(of: Callable[[Array], Array], rub: Array) -> Array:
     for _ in range(IMPLICIT):
         once = of(rub)
         twice = of(once)
-        bend = twice - 2.0 * once + rub
-        rub = np.where(np.abs(bend) > 1e-12, rub - (once - rub) ** 2 / np.where(bend == 0.0, 1.0, bend), twice)
+        first = once - rub
+        bend = twice - once - first
+        curved = np.abs(bend) > 1e-12
+        rub = np.where(curved, rub - first * first / np.where(curved, bend, 1.0), twice)
     return of(rub)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from validation.lerobot_dataset import FPS, Recording, encoder_readings
-from validation.motion.world import described_so101
+from validation.motion.world import SO101
 from validation.synthetic import GroundTruth, true_state
 
 EPISODES, STOPS = 5, 16
@@ -105,7 +105,7 @@ def _followed(arm: FollowingArm, lead: Array, begun: float, rng: np.random.Gener
 
 def _torque(q_deg: Array) -> Array:
     """(N, 5), N·m, gravity's on the joints: every fifth frame by the independent generator, straight between."""
-    arm = described_so101()
+    arm = SO101.described
     rows = np.unique(np.r_[np.arange(0, len(q_deg), 5), len(q_deg) - 1])
     tau = true_state(arm, GroundTruth.nominal(arm), np.radians(q_deg[rows])).tau_nm
     return np.stack([np.interp(np.arange(len(q_deg)), rows, column) for column in tau.T], axis=1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from lrm_math.effects import ParameterRef
-from validation.motion.world import TrueJoints
+from validation.motion.world import JOINTS, TrueJoints
 from validation.synthetic.screws import Array
 
 
@@ -105,11 +105,11 @@ LATER = (
 )  # fmt: skip
 
 
-def arm_of(case: MotionCase, rng: np.random.Generator) -> tuple[TrueJoints, int]:
-    """A sound arm but for the cause, and the joint where it is, from 0."""
-    arm = TrueJoints()
-    arm.frequency_hz, arm.damping = rng.uniform(3.0, 6.0, 5), rng.uniform(0.6, 1.2, 5)
-    arm.offset = np.radians(rng.uniform(-1.0, 1.0, 5))
+def arm_of(case: MotionCase, rng: np.random.Generator, count: int = JOINTS) -> tuple[TrueJoints, int]:
+    """An arm of so many joints, sound but for the cause, and the joint where it is, from 0."""
+    arm = TrueJoints.of(count)
+    arm.frequency_hz, arm.damping = rng.uniform(3.0, 6.0, count), rng.uniform(0.6, 1.2, count)
+    arm.offset = np.radians(rng.uniform(-1.0, 1.0, count))
     joint = int(rng.choice(case.joints))
     case.hide(arm, joint, rng)
     return replace(arm), joint
@@ -122,7 +122,7 @@ def truth_of(case: MotionCase, arm: TrueJoints, joint: int) -> dict[str, float]:
         str(ParameterRef(kind, f"joint{joint + 1}", parameter)): float(values[of][joint])
         for kind, parameter, of in case.known
     }
-    for number in range(5):
+    for number in range(len(arm.offset)):
         place = f"joint{number + 1}"
         if number != joint or case.true:
             out[f"servo_response.{place}.frequency_Hz"] = float(arm.frequency_hz[number])

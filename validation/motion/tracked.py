@@ -1,21 +1,27 @@
-"""A log of commands and a tracker's recording of the simulated rover, whose arm swings: by two clocks.
+"""Logs of commands and recordings of a tracker, by two clocks: of the simulated rover, and of the independent world.
 
-The tracker stands anywhere, and its body is not at the tip.
+The tracker stands anywhere, and its body is not at the tip. The arm of the simulated rover swings.
 `python -m validation.motion.tracked FOLDER [--pwm 330] [--seconds 150]` writes log.csv and tip.csv.
 """
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.measuring.recordings.command_log import LOG_SCHEMA
+from lrm_ident.measuring.recordings.command_log import LOG_SCHEMA, CommandLog
+from lrm_ident.measuring.recordings.take import TipTrack
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
+from validation.motion.world import ROVER, TrueJoints, followed, tour
 from validation.options import asked
 from validation.swinging_arm.rig import SwingingRover
+from validation.synthetic.chain import forward_kinematics
 from validation.synthetic.screws import rotation_matrix
 
 LOG_TICKS, FRAME_TICKS = 3, 2
@@ -25,6 +31,10 @@ CLOCK_S = 1234.567
 BODY_M, SHIFT_M = np.array([0.012, -0.02, 0.03]), np.array([0.8, -0.3, 0.2])
 TURN = rotation_matrix([0.0, 0.0, 0.7]) @ rotation_matrix([-0.4, 0.0, 0.0])
 REST_S, NOISE_M = (0.6, 1.6), 0.0003
+RATE, TRACKER_HZ, STEPS, TOUR_S = 50.0, 77.0, 13, 96.0
+"""Rows of a log and frames of a tracker in a second, steps of the world to a frame, and s of a recording."""
+COUNT_US = 1e6 / (330.0 * 4096.0)
+"""Of a board at 330 Hz."""
 
 
 class TrackedRover(SwingingRover):
@@ -66,8 +76,39 @@ def seen(rover: TrackedRover, rng: np.random.Generator) -> Array:
     """Rows t_s, x, y, z (m) of the tracker."""
     chain, (t, *q) = chain_of(rover.arm), np.array(rover.angles).T
     tool = chain_geometry(chain, chain.values(q), len(t)).tool
-    at = tool[3].T + np.einsum("ikn,i->nk", tool[:3], BODY_M)
-    return np.column_stack([t + CLOCK_S, at @ TURN.T + SHIFT_M + rng.normal(scale=NOISE_M, size=at.shape)])
+    return np.column_stack([t + CLOCK_S, _in_room(tool[3].T + np.einsum("ikn,i->nk", tool[:3], BODY_M), rng)])
+
+
+def _in_room(at: Array, rng: np.random.Generator) -> Array:
+    """(N, 3), m, as the tracker reads a body at points (N, 3) of the arm's frame."""
+    return np.asarray(at @ TURN.T + SHIFT_M + rng.normal(scale=NOISE_M, size=at.shape))
+
+
+def toured(arms: Sequence[TrueJoints], rng: np.random.Generator) -> list[tuple[CommandLog, TipTrack]]:
+    """What is logged and tracked of each arm of the independent world: one tour from posture to posture."""
+    n, h = len(ROVER.described.links), 1.0 / TRACKER_HZ / STEPS
+    rows = [tour(rng, n, RATE, TOUR_S, REST_S) for _ in arms]
+    t, steps = np.arange(len(rows[0])) / RATE, h * np.arange(int((len(rows[0]) - 1) / RATE / h))
+    told = np.stack([_put_out(np.stack([np.interp(steps, t, column) for column in q.T], axis=1)) for q in rows])
+    angle = followed(ROVER, arms, told, np.zeros((len(arms), 1)), STEPS, h)
+    out = []
+    for q, arm, reached in zip(rows, arms, angle, strict=True):
+        posture = forward_kinematics(ROVER.chain, np.zeros(len(reached)), reached + arm.offset, {})
+        tip = _in_room(posture.tcp + posture.tool_axes @ BODY_M, rng)
+        log = CommandLog(Path("log.csv"), load_arm("lrm-rover"), t, q, 1e-6 * COUNT_US)
+        out.append((log, TipTrack(Path("tip.csv"), CLOCK_S + np.arange(len(tip)) / TRACKER_HZ, tip)))
+    return out
+
+
+def _put_out(q: Array) -> Array:
+    """Angles (N, n), rad, that servos are led to by pulses of whole counts."""
+    file = Path(__file__).resolve().parents[2] / "config" / "arms" / "lrm-rover.toml"
+    out = np.empty_like(q)
+    for number, joint in enumerate(tomllib.loads(file.read_text(encoding="utf-8"))["joint"]):
+        angle, pulse = np.radians(joint["servo"]["angle_deg"]), np.array(joint["servo"]["pulse_us"])
+        counts = np.floor(np.interp(q[:, number], angle, pulse) / COUNT_US + 0.5)
+        out[:, number] = np.interp(counts * COUNT_US, pulse, angle)
+    return out
 
 
 def write(folder: Path, rover: TrackedRover, tip: Array) -> None:

@@ -77,14 +77,16 @@ class JointFit:
     @cached_property
     def held_out(self) -> Array:
         """(S,), mean squared error (rad² or m²) of each move, predicted by a fit without its fold."""
-        out = np.empty(len(self.data.target))
-        for fold in range(FOLDS):
-            rows = self.data.fold == fold
-            if not rows.any():
-                continue
-            others = self.data.take(~rows)
-            solution = _solve(self.effects, others, self.values, FOLD_EVALUATIONS)[0]
-            out[rows] = self.data.take(rows).held_out(self.effects, solution, others)
+        data, out = self.data, np.empty(len(self.data.target))
+        folds = [rows for fold in range(FOLDS) if (rows := data.fold == fold).any()]
+        begun = data.missed(self.effects, _beside(self.effects, data, self.values))  # all folds begin with it
+        kept = [data.take(~rows) for rows in folds]
+        solutions = [
+            _solve(self.effects, others, self.values, FOLD_EVALUATIONS, begun[:, ~rows])[0]
+            for rows, others in zip(folds, kept, strict=True)
+        ]
+        for rows, others, missed in zip(folds, kept, data.missed(self.effects, np.array(solutions)), strict=True):
+            out[rows] = data.take(rows).held_out(missed[rows], others, missed[~rows])
         return out
 
     @property
@@ -152,23 +154,27 @@ def _best_start(effects: Sequence[MotionEffect], data: JointMoves, values: Mappi
     rows = np.array(list(itertools.islice(itertools.product(*choices), MOST_STARTS)))
     if len(rows) == 1:
         return np.asarray(rows[0])
-    costs = np.sum(data.residual(effects, rows) ** 2, axis=1)
+    costs = np.sum(data.residual(data.missed(effects, rows)) ** 2, axis=1)
     return np.asarray(rows[int(np.nanargmin(costs))])
 
 
-def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most: int) -> tuple[Array, Array, Array]:
-    """Values (p,), derivatives of the prediction (N, p) and residual (N,) at the least squares."""
-    parameters = [parameter for effect in effects for parameter in effect.parameters]
-    lower, upper = _lower(effects, data), np.array([p.upper for p in parameters])
-    typical = np.array([p.typical for p in parameters])
+def _solve(
+    effects: Sequence[MotionEffect], data: JointMoves, start: Array, most: int, begun: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Values (p,), derivatives of the prediction (N, p) and residual (N,) at the least squares.
+
+    `begun`: what is missed with the rows `_beside` the start, where it is known.
+    """
+    lower, upper, typical = _bounds(effects, data)
+    inside = np.clip(start, lower, upper) / typical
 
     @lru_cache(maxsize=2)
     def both(at: bytes) -> tuple[Array, Array]:
         """Residual and derivatives, by one-sided differences into the bounds, all simulated at once."""
         x = np.frombuffer(at)
-        side = np.where(x + DIFFERENCE > upper / typical, -DIFFERENCE, DIFFERENCE)
-        residuals = data.residual(effects, np.concatenate([x[None], x + np.diag(side)]) * typical)
-        J = ((residuals[1:] - residuals[0]) / side[:, None]).T
+        known = begun if at == inside.tobytes() else None
+        residuals = data.residual(data.missed(effects, _beside(effects, data, x * typical)) if known is None else known)
+        J = ((residuals[1:] - residuals[0]) / _sides(x, upper / typical)[:, None]).T
         size = np.linalg.norm(J, axis=0)
         return residuals[0], np.where(size > UNSEEN * size.max(initial=0.0), J, 0.0)
 
@@ -178,7 +184,6 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
     def derivative(x: Array) -> Array:
         return both(x.tobytes())[1]
 
-    inside = np.clip(start, lower, upper) / typical
     solution = least_squares(
         residual, inside, derivative, (lower / typical, upper / typical), method="trf",
         ftol=TOLERANCE, xtol=TOLERANCE, gtol=1e-12, max_nfev=most,
@@ -187,3 +192,21 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
         solution.active_mask < 0, lower / typical, np.where(solution.active_mask > 0, upper / typical, solution.x)
     )
     return x * typical, -np.asarray(solution.jac) / typical, np.asarray(solution.fun)
+
+
+def _bounds(effects: Sequence[MotionEffect], data: JointMoves) -> tuple[Array, Array, Array]:
+    """Least, largest and typical values (SI), (p,) each."""
+    parameters = [parameter for effect in effects for parameter in effect.parameters]
+    return _lower(effects, data), np.array([p.upper for p in parameters]), np.array([p.typical for p in parameters])
+
+
+def _sides(x: Array, upper: Array) -> Array:
+    """(p,), steps of the differences, in typical sizes."""
+    return np.where(x + DIFFERENCE > upper, -DIFFERENCE, DIFFERENCE)
+
+
+def _beside(effects: Sequence[MotionEffect], data: JointMoves, values: Array) -> Array:
+    """(p + 1, p), values (SI) inside their bounds, and those with one of them changed each."""
+    lower, upper, typical = _bounds(effects, data)
+    x = np.clip(values, lower, upper) / typical
+    return np.asarray(np.concatenate([x[None], x + np.diag(_sides(x, upper / typical))]) * typical)

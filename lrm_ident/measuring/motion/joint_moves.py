@@ -95,20 +95,20 @@ class JointMoves:
         """(P, S, T, m), target less prediction for each row of parameters (P, p), SI, all else as it is."""
         return self.target - self.lever * predicted(effects, rows, self.drive, self.substeps)[..., None]
 
-    def error(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, N), the same at the counted frames."""
-        return np.asarray(self.missed(effects, rows)[:, self.counted].reshape(len(rows), -1))
+    def error(self, missed: Array) -> Array:
+        """(P, N), what is `missed` (P, S, T, m) at the counted frames."""
+        return np.asarray(missed[:, self.counted].reshape(len(missed), -1))
 
-    def residual(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
+    def residual(self, missed: Array) -> Array:
         """(P, N), the same, less what else may explain it."""
-        error = self.error(effects, rows)
+        error = self.error(missed)
         return error if not self.beside.shape[3] else error - (error @ self._span) @ self._span.T
 
-    def held_out(self, effects: Sequence[MotionEffect], values: Array, others: JointMoves) -> Array:
-        """(S,), mean square of each move, where all else is as the `others`' moves show it with the same values."""
-        error = self.error(effects, values[None])[0]
+    def held_out(self, missed: Array, others: JointMoves, missed_by_others: Array) -> Array:
+        """(S,), mean square of each move of what is missed (S, T, m), all else as the `others`' moves show it."""
+        error = self.error(missed[None])[0]
         if self.beside.shape[3]:
-            change = others._others(others.error(effects, values[None])[0])
+            change = others._others(others.error(missed_by_others[None])[0])
             error = error - self.beside[self.counted].reshape(len(error), -1) @ change
         squares = np.zeros(self.target.shape)
         squares[self.counted] = error.reshape(-1, self.target.shape[2]) ** 2

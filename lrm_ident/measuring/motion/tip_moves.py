@@ -204,7 +204,8 @@ class TipMoves(Moves):
             installation.body + change[6:9],
             installation.late + float(change[9]),
         )
-        return replace(self, installation=place)
+        noise = np.full(self.arm.dof, self.track.noise_at(self.t + place.late))
+        return replace(self, installation=place, noise=noise)
 
 
 def _derivatives(model: MotionModel, alone: Sequence[TipJoint]) -> list[Array]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,9 @@ from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, UnknownName
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 LEAST_FRAMES = 100
 TOOL, BASE = 1, 0
@@ -128,9 +133,24 @@ class TipTrack:
         """Usual time between frames (s)."""
         return float(np.median(np.diff(self.t)))
 
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        from scipy.interpolate import CubicSpline  # takes a second to load
+
+        return CubicSpline(self.t, self.position)
+
     def at(self, t: Array) -> Array:
-        """(…, 3), positions (m) at times (…), straight between frames."""
-        return np.stack([np.interp(t, self.t, column) for column in self.position.T], axis=-1)
+        """(…, 3), positions (m) at times (…), by a cubic spline through the frames; beyond them the nearest one.
+
+        Straight lines between frames would take 1 % of a swing of 4 Hz away at 77 frames a second.
+        """
+        return np.asarray(self._spline(np.clip(t, self.t[0], self.t[-1])))
+
+    def noise_at(self, t: Array) -> float:
+        """Scatter along an axis (m) of positions at times (…): between frames less than at one."""
+        after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        share = np.clip((t - self.t[after - 1]) / (self.t[after] - self.t[after - 1]), 0.0, 1.0)
+        return self.noise * float(np.sqrt(np.mean(_cardinal_squares(share))))
 
     def seen(self, t: Array, gap: float) -> NDArray[np.bool_]:
         """(…), whether frames less than a gap (s) apart are on both sides of a time (…)."""
@@ -143,3 +163,15 @@ class TipTrack:
     def noise(self) -> float:
         """Scatter of a frame along an axis (m): of fourth differences, which motion hardly has; the median's (MAD)."""
         return float(np.median(np.abs(np.diff(self.position, n=4, axis=0))) / np.sqrt(70.0) / 0.6745)
+
+
+def _cardinal_squares(share: Array) -> Array:
+    """(…), variance of a cubic spline through values of variance 1 and distance 1, at a share (…) of a distance.
+
+    At k distances from a value the cardinal spline falls by 2 − √3 with each (Schoenberg 1973): its square is summed.
+    """
+    from scipy.interpolate import CubicSpline
+
+    near = np.arange(-12, 13)
+    of_one = CubicSpline(near, near == 0)
+    return np.asarray(sum(of_one(share + k) ** 2 for k in range(-10, 10)))
