@@ -53,7 +53,7 @@ command -v "${CC:-cc}" >/dev/null || command -v gcc >/dev/null || command -v cla
 rm -rf "$program/lib/bin"
 pip --no-deps --no-build-isolation "$WHAT"
 rm -rf "$program/lib/bin"
-for command in "lrmd lrmd.main" "lrmd-board lrmd.sim.process" "lrm lrmd.cli.app"; do
+for command in "lrmd lrmd.main" "lrmd-board lrmd.sim.process" "lrm lrmd.cli.__main__"; do
     name=${command% *}
     cat >"$program/bin/$name" <<STARTER
 #!/bin/sh

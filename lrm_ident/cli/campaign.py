@@ -101,9 +101,10 @@ def measure(
     from lrm_ident.measuring.campaign.duration import pose_durations
     from lrm_ident.measuring.campaign.plan import load_plan
     from lrm_ident.measuring.campaign.run import PredictedSettling
-    from lrm_ident.measuring.campaign.session import CampaignOrder, connected
+    from lrm_ident.measuring.campaign.session import CampaignOrder, check_tracker, connected
     from lrm_ident.measuring.campaign.session import measure as run
 
+    check_tracker(tracker, robot)
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
     numbers, timing = target_numbers(tool, base, tracker), _timing(pause, settle, dwell, motion)
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident measure") as link:
@@ -258,11 +259,12 @@ def verify(
     """
     from lrm_ident.measuring.campaign.real_clock import RealClock
     from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import connected
+    from lrm_ident.measuring.campaign.session import check_tracker, connected
     from lrm_ident.measuring.verification.goal_run import GoalRun
     from lrm_ident.measuring.verification.goals import goals_named
     from lrm_ident.measuring.verification.report import read_verification, verification_document
 
+    check_tracker(tracker, robot)
     earlier = None if before is None else read_verification(before)
     numbers, clock, timing = target_numbers(tool, base, tracker), RealClock(), PoseTiming(0.0, settle, dwell)
     with ArmAccess(robot, connect, speed, take, model=model).connection(arm, "lrm-ident verify") as link:

@@ -116,4 +116,5 @@ class Lease:
             return replace(self, state=TABLE[self.state, event])
         except KeyError:
             who = f"{self.holder} holds the lease" if self.held else f"the lease is {self.state}"
-            raise LeaseError(f"{who}; wait for its release, or take it over (take = true)") from None
+            right = 'wait for its release, or take it over (--take; "take": true in rpc/lease)'
+            raise LeaseError(f"{who}; {right}") from None

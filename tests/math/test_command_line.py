@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
 
 import pytest
+
+from tests.conftest import ROOT
 
 CALLS = {
     "lrmd": ("from lrmd.main import main", ["--simulatd"], "unrecognized arguments: --simulatd; see lrmd --help"),
@@ -54,3 +57,32 @@ def test_ctrl_c_is_one_line_and_exit_code_130(place: str, called: str) -> None:
     assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr.strip().endswith(": interrupted"), done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("loads", "called"),
+    [
+        ("lrmd.cli.motion", "from lrmd.cli.__main__ import main; sys.exit(main(['state']))"),
+        ("lrmd.config", "from lrmd.main import main; sys.exit(main(['--simulated']))"),
+        ("lrm_ident.cli.app", "from lrm_ident.__main__ import main; main()"),
+    ],
+)
+def test_ctrl_c_while_a_command_loads_is_one_line(loads: str, called: str) -> None:
+    """Before: `lrm` printed a traceback of its imports."""
+    stop = f"""import sys
+class CtrlC:
+    def find_spec(name, *_):
+        if name == '{loads}':
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, CtrlC)"""
+    done = subprocess.run([sys.executable, "-c", f"{stop}\n{called}"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, ""), done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stderr.strip().endswith(": interrupted")
+
+
+def test_the_installed_lrm_is_the_one_that_ctrl_c_may_end_while_it_loads() -> None:
+    stated = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]["lrm"]
+    assert stated == "lrmd.cli.__main__:main"
+    for other in ("packaging/conda/recipe.yaml", "packaging/deb.sh"):
+        assert "lrmd.cli.app" not in (ROOT / other).read_text()

@@ -295,7 +295,9 @@ def play(
     settings: ServoSettings | None = None
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident motion play") as link:
         keeps_rows(output, link.daemon is not None)
-        sequence = sequence_of(read_command_log(moves, link.arm, AS_NAMED))
+        log = read_command_log(moves, link.arm, AS_NAMED)
+        notice(*log.notices)
+        sequence = sequence_of(log)
         try:
             with resumable("What was played is kept"), link.drive(RealClock(), load_changer(None)) as driven:
                 settings = driven.settings

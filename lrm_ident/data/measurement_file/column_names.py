@@ -14,7 +14,7 @@ from itertools import groupby, product
 from types import MappingProxyType
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.measurement_file.known_columns import ALIASES, ANGLE, FEEDBACK
+from lrm_ident.data.measurement_file.known_columns import ALIASES, ANGLE, FEEDBACK, TILT
 from lrm_ident.data.measurement_file.pose_quantity import (
     DISTANCE,
     PLACEMENT,
@@ -38,6 +38,8 @@ BEFORE_JOINTS, SIDES = ("main_", "arm_", "follower_"), ("left_", "right_", "left
 """What stands before the names of the joints of one arm, and of one of two."""
 NAMES_ARM = ("arm", "robot", "armid", "robotid", "armname", "robotname")
 """Columns, squeezed, that say of which arm a row is."""
+YAW = ("yaw", "yawdeg", "yaw(deg)", "yaw[deg]", "heading", "headingdeg")
+"""Columns, squeezed, of the third angle beside roll and pitch."""
 ARMS_LISTED = 4
 MISSED = (("payload_g", "load"), ("t_s", "time"), ("session", "session"))
 """Quantities without which a model is another one, so that a file that has them by other names has to be told."""
@@ -50,6 +52,7 @@ UNIT_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "grad",
     "rad": "rad", "radian": "rad", "radians": "rad",
     "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "milliseconds": "ms", "min": "min", "minutes": "min",
+    "us": "us", "µs": "us", "μs": "us", "microseconds": "us", "ns": "ns", "nanoseconds": "ns", "h": "h", "hours": "h",
     "g": "g", "gr": "g", "gram": "g", "grams": "g", "gramm": "g", "kg": "kg",
     "c": "c", "°c": "c", "degc": "c", "v": "v",
 }  # fmt: skip
@@ -57,7 +60,7 @@ FACTORS: dict[str, dict[str | None, float]] = {
     "mm": {unit: metres / LENGTH_UNITS["mm"] for unit, metres in LENGTH_UNITS.items()},
     "deg": {unit: radians / ANGLE_UNITS["deg"] for unit, radians in ANGLE_UNITS.items()},
     "g": {"g": 1.0, "kg": 1e3},
-    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
     "c": {"c": 1.0},
     "v": {"v": 1.0},
 }
@@ -66,8 +69,12 @@ FACTORS: dict[str, dict[str | None, float]] = {
 JOINT = re.compile(
     r"(?:q|j|a|joint|axis|theta|th|θ|angle|motor|servo)(?:angle|pos|position)?(\d+)(?:angle|pos|position)?"
 )
+JOINT_WORDS = re.compile(r"(?:q|j|a|joint|axis|theta|th|θ|angle|motor|servo|pos|position)+s?")
+ENCODER_WORDS = re.compile(r"actual|measured|meas|present|feedback|encoder|observed")
+COMMAND_WORDS = re.compile(r"target|commanded|command|cmd|desired|goal|setpoint")
+"""Words, squeezed, of names of joint angles: of what encoders read, and of what was commanded."""
 COORDINATE = re.compile(
-    r"(?:(?:tcp|tool|ee|eef|pos|position|p|meas|measured|target|tracker)+)?([xyz])(?:tcp|tool|pos|meas|measured)?"
+    r"(?:(?:tcp|tool|tip|ee|eef|pos|position|p|meas|measured|target|tracker)+)?([xyz])(?:tcp|tool|tip|pos|meas|measured)?"
 )
 
 
@@ -83,10 +90,28 @@ def named_columns(file: CsvTable, how: Reading = AS_NAMED, arm: Arm | None = Non
     named = _our_names(table, [] if arm is None else [joint.name for joint in arm.joints])
     first = 0 if any(column.name == "q0_deg" for column in named) else 1
     columns = tuple(_as_said(column, how, first) for column in named)
+    table = _with_numbered_poses(table, [column.name for column in columns])
     if all(column.name != "pose" for column in columns):
         rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
         return replace(table, columns=(Column("pose", "pose"), *columns), rows=rows)
     return replace(table, columns=columns)
+
+
+def _with_numbered_poses(table: CsvTable, names: Sequence[str]) -> CsvTable:
+    """The table with the numbers of poses whose names differ by their number alone (`P001`), with a notice."""
+    if "pose" not in names:
+        return table
+    places = [j for j, name in enumerate(names) if name in ("pose", "repeat_of")]
+    numbered = [re.fullmatch(r"(.*\D)(\d+)", row[names.index("pose")]) for row in table.rows]
+    before = {match[1] for match in numbered if match}
+    if not all(numbered) or len(before) != 1:
+        return table
+    (word,) = before
+    rows = tuple(
+        tuple(cell.removeprefix(word) if j in places else cell for j, cell in enumerate(row)) for row in table.rows
+    )
+    notice = f"poses are numbered as their names are: '{table.rows[0][places[0]]}' is {int(rows[0][places[0]])}"
+    return replace(table, rows=rows, notices=(*table.notices, notice))
 
 
 def arm_columns(file: CsvTable, arm: Arm, how: Reading, quantities: Sequence[PoseQuantity]) -> CsvTable:
@@ -96,6 +121,7 @@ def arm_columns(file: CsvTable, arm: Arm, how: Reading, quantities: Sequence[Pos
     """
     named = named_columns(file, how, arm)
     _check_one_arm(named)
+    _check_tilt(named)
     stated = [name for name in named.header if ANGLES.fullmatch(name)]
     if not {*stated} <= {ANGLE.format(number) for number in range(1, arm.dof + 1)}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
@@ -111,6 +137,15 @@ def _check_one_arm(table: CsvTable) -> None:
         if len(arms) > 1:
             what = f"rows of {len(arms)} arms: {enumerate_words(arms, ARMS_LISTED)}"
             raise FileError(table.path, f"column {name}", what, "write the rows of each arm into a file of its own")
+
+
+def _check_tilt(table: CsvTable) -> None:
+    """Raises `FileError` if a yaw stands beside roll and pitch: that may as well be the orientation of the tool."""
+    yaw = next((name for name in table.header if name and _squeezed(name.lower()) in YAW), None)
+    if yaw is not None and {*TILT} <= {*table.header}:
+        what = f"{', '.join(TILT)} and {yaw}: of the tool, or how the base leans?"
+        right = f"of the tool: write qw, qx, qy, qz, or delete the three; of the base: delete {yaw}"
+        raise FileError(table.path, "header", what, right)
 
 
 def stated_units(table: CsvTable) -> Reading:
@@ -221,20 +256,42 @@ def _names_of_joints(table: CsvTable, joints: Sequence[str]) -> dict[str, str]:
 def _numbered_alike(table: CsvTable, count: int) -> dict[str, str]:
     """Our columns by names, squeezed, that differ by their number alone: `Achse1` … `Achse6`, in whatever language.
 
-    Empty where a column is known as a joint's, or not exactly one such family has as many columns as the arm joints.
+    Those of joints with a word of encoders (`actual_q_0` …) are what encoders read. One other family is what was
+    commanded, unless a column is known as a joint's. A family has as many columns as the arm joints, and is the only
+    one that names joints, or the only one.
     """
     our_names = [column_name(name) for name in table.header]
-    if any(column is not None and ANGLES.fullmatch(column.name) for column in our_names):
-        return {}
-    families: defaultdict[str, dict[int, str]] = defaultdict(dict)
+    families: defaultdict[tuple[str, str], dict[int, str]] = defaultdict(dict)
     for name, column in zip(table.header, our_names, strict=True):
-        for words, unit in _readings(name) if column is None else ():
-            if (numbered := re.fullmatch(r"(\D+)(\d+)", words)) and unit in (None, *ANGLE_UNITS):
-                families[numbered[1]][int(numbered[2])] = words
-    whole = [names for names in families.values() if sorted(names) in ([*range(count)], [*range(1, count + 1)])]
-    if len(whole) != 1:
+        words, unit = next(_readings(name), ("", None))
+        numbered = re.fullmatch(r"(\D+)(\d+)(\D*)", words)
+        if column is None and numbered and unit in (None, *ANGLE_UNITS):
+            families[numbered[1], numbered[3]][int(numbered[2])] = words
+    whole = {
+        "".join(stem): names
+        for stem, names in families.items()
+        if sorted(names) in ([*range(count)], [*range(1, count + 1)])
+    }
+    read = {stem: names for stem, names in whole.items() if ENCODER_WORDS.search(stem)}
+    commanded = {stem: names for stem, names in whole.items() if stem not in read}
+    named = _only(_of_joints(read), FEEDBACK)
+    if any(column is not None and ANGLES.fullmatch(column.name) for column in our_names):
+        return named
+    return named | (_only(_of_joints(commanded), ANGLE) or _only([*commanded.values()], ANGLE))
+
+
+def _of_joints(families: Mapping[str, dict[int, str]]) -> list[dict[int, str]]:
+    """Those of some families of names, by their stems, that name joints."""
+    bare = {stem: ENCODER_WORDS.sub("", COMMAND_WORDS.sub("", stem)) for stem in families}
+    return [names for stem, names in families.items() if JOINT_WORDS.fullmatch(bare[stem])]
+
+
+def _only(families: Sequence[dict[int, str]], ours: str) -> dict[str, str]:
+    """Our columns by the names of the only one of some families; empty if there are several or none."""
+    if len(families) != 1:
         return {}
-    return {words: ANGLE.format(number) for number, words in whole[0].items()}
+    first = min(families[0])
+    return {words: ours.format(number - first + 1) for number, words in families[0].items()}
 
 
 def _leica_quaternion(table: CsvTable) -> dict[str, str]:

@@ -52,7 +52,7 @@ NO_COLUMN = "write it in every row, or delete the column"
 NUMBERS = ("nr", "no", "num", "number", "index", "idx", "id", "posenumber", "poseid", "posenr", "sample")
 KNOWN = (
     PoseQuantity("pose", ("pose",), NUMBERS, WHOLE, commanded=True),
-    PoseQuantity("t", ("t_s",), ("t", "time", "timestamp"), size=TIME, commanded=True),
+    PoseQuantity("t", ("t_s",), ("t", "time", "timestamp", "stamp"), size=TIME, commanded=True),
     PoseQuantity("session", ("session",), if_empty="write the session in every row", commanded=True),
     PoseQuantity(
         "temperature", ("temp_c",), ("temp", "temperature"), size=TEMPERATURE, if_empty=NO_COLUMN, commanded=True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,8 +22,8 @@ from lrm_ident.data.measurement_file.measured_columns import (
     without_copies,
     without_lost,
 )
-from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
-from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION
+from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers, required_columns
+from lrm_ident.data.measurement_file.pose_quantity import DISTANCE, POINT, POSITION, PoseQuantity
 from lrm_ident.data.measurement_file.summary_rows import summary_notices, without_summary
 from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
@@ -31,7 +31,7 @@ from lrm_ident.data.observations.encoder_readings import EncoderReadings
 from lrm_ident.data.observations.kinds import KINDS
 from lrm_ident.data.observations.orientations import Orientations
 from lrm_ident.data.source import Source
-from lrm_ident.data.table_text.csv_file import read_table
+from lrm_ident.data.table_text.csv_file import CsvTable, read_table
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
@@ -61,8 +61,8 @@ def read_measured(
     Raises `FileError`.
     """
     said = conventions_of(path, arm, reading, usual)
-    file, quantities = read_table(path), measured_quantities(arm, said.how)
-    cells = without_summary(arm_columns(file, arm, said.how, quantities).once())
+    quantities = measured_quantities(arm, said.how)
+    cells = without_summary(_arm_table(path, arm, said.how, quantities).once())
     require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, quantities, said.how.bad_rows == "skip"))
@@ -121,15 +121,35 @@ def load_pose_table(
     said = conventions_of(path, arm, reading)
     how = said.how
     quantities = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
-    table = read_numbers(without_summary(arm_columns(read_table(path), arm, how, quantities)), quantities)
+    table = read_numbers(without_summary(_arm_table(path, arm, how, quantities)), quantities)
     for _, error in table.beyond:
         raise error
     return read_poses(table, arm, how, said.start, power=said.metadata.power_on).turned(motion_of(how)[0]), table
 
 
+def _arm_table(path: Path, arm: Arm, how: Reading, quantities: Sequence[PoseQuantity]) -> CsvTable:
+    """The table of a file, its columns named as ours; of a workbook that of a sheet with all that is required.
+
+    Raises `FileError`.
+    """
+
+    def named(file: CsvTable) -> CsvTable:
+        return arm_columns(file, arm, how, quantities)
+
+    def complete(file: CsvTable) -> bool:
+        cells = named(file)
+        return {*required_columns(cells, quantities)} <= {*cells.header}
+
+    return named(read_table(path, complete))
+
+
 def says_measured(path: Path) -> bool:
     """Whether a file has columns of positions or distances, not commands alone. Raises `FileError`."""
-    return bool({*POSITION, DISTANCE, POINT} & {*named_columns(read_table(path)).header})
+
+    def measured(file: CsvTable) -> bool:
+        return bool({*POSITION, DISTANCE, POINT} & {*named_columns(file).header})
+
+    return measured(read_table(path, measured))
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[list[EncoderReadings], float | None]:
@@ -139,5 +159,5 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[list[EncoderReadings], flo
     """
     said = conventions_of(path, arm, AS_NAMED)
     quantities = [each for each in measured_quantities(arm, said.how) if each.name in ("angles", "feedback")]
-    table = read_numbers(without_summary(arm_columns(read_table(path), arm, said.how, quantities)), quantities)
+    table = read_numbers(without_summary(_arm_table(path, arm, said.how, quantities)), quantities)
     return [*EncoderReadings.read(table, said.metadata)], said.metadata.feedback_sd_deg

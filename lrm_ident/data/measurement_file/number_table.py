@@ -26,6 +26,8 @@ from lrm_math.plausibility import implausible_value
 LISTED, COLUMNS_LISTED = 8, 12
 """Cells that are named beside the first wrong one, and columns that are there beside one that is missing."""
 EMPTY = "the cell is empty"
+TWO_ANGLES = ("angles", "feedback")
+"""Names of the quantities of joint angles: as commanded, and as encoders read them."""
 LIMIT_TOLERANCE = np.radians(1e-6)
 MISTYPED = 0.1
 """Share of the rows up to which joint angles beyond the limits are single mistakes."""
@@ -78,7 +80,7 @@ def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
     return table
 
 
-def _require(table: CsvTable, required: Sequence[str]) -> CsvTable:
+def _require(table: CsvTable, required: Sequence[str], hint: str = "") -> CsvTable:
     """The table, its required columns named as requested. Raises `FileError`: a missing column, no rows."""
     ours = {name.lower(): name for name in required}
     columns = tuple(replace(column, name=ours.get(column.name.lower(), column.name)) for column in table.columns)
@@ -86,8 +88,9 @@ def _require(table: CsvTable, required: Sequence[str]) -> CsvTable:
     missing = [name for name in required if name not in named]
     if missing:
         there = enumerate_words([column.name for column in columns if column.name], COLUMNS_LISTED)
-        right = f"required: {', '.join(required)}; there are: {there}"
-        raise FileError(table.path, "header", f"missing column {missing[0]}", right)
+        right = f"required: {', '.join(required)}; there are: {there}{hint}"
+        where = f"header of the sheet '{table.sheet}'" if table.sheet else "header"
+        raise FileError(table.path, where, f"missing column {missing[0]}", right)
     if not table.rows:
         raise FileError(table.path, "", "no rows below the header")
     return replace(table, columns=columns)
@@ -158,11 +161,8 @@ def read_numbers(cells: CsvTable, quantities: Sequence[PoseQuantity], skip: bool
     Raises `FileError`: a required column is missing, what is no number or cannot be one, or is stated in part.
     """
     cells = _without_unreadable(with_numbered_sessions(cells), quantities)
+    cells = _require(cells, required_columns(cells, quantities), _encoders_alone(cells, quantities))
     header = {*cells.header}
-    wanted = (
-        each for each in quantities if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header)
-    )
-    cells = _require(cells, [name for each in wanted for name in each.columns])
     parsed = {
         name: _parsed(cells, name, each.may_be_empty or not header.isdisjoint(each.unless))
         for each in quantities
@@ -177,6 +177,24 @@ def read_numbers(cells: CsvTable, quantities: Sequence[PoseQuantity], skip: bool
     table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
     angles = next((each for each in there if each.limits), None)
     return table if angles is None else _within_limits(table, angles)
+
+
+def _encoders_alone(cells: CsvTable, quantities: Sequence[PoseQuantity]) -> str:
+    """What to do with angles that encoders read, where none are commanded, in words; empty if that is not so."""
+    first, read = (next((each.columns[0] for each in quantities if each.name == name), "") for name in TWO_ANGLES)
+    if first in cells.header or read not in cells.header:
+        return ""
+    stated = next(column.stated for column in cells.columns if column.name == read)
+    return f"; '{stated}' … is what encoders read: rename it to {first} … only if the arm was commanded there"
+
+
+def required_columns(cells: CsvTable, quantities: Sequence[PoseQuantity]) -> list[str]:
+    """Columns that a table needs beside those that it has."""
+    header = {*cells.header}
+    wanted = (
+        each for each in quantities if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header)
+    )
+    return [name for each in wanted for name in each.columns]
 
 
 def _without_unreadable(cells: CsvTable, quantities: Sequence[PoseQuantity]) -> CsvTable:

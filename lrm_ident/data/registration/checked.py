@@ -67,7 +67,8 @@ class Misread(FileError):
     def __init__(self, data: Measurements, check: ReadingCheck, arm: Arm, part: str = "") -> None:
         self.check, path, stated = check, data.source.path, data.source.stated
         missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
-        if not check.found and (moved := _moved_words(arm, data, check)):
+        imputed = all(scored.hypothesis.imputed for scored in check.found)
+        if imputed and (moved := _moved_words(arm, data, check)):
             super().__init__(path, part, f"{missed}; {moved[0]}", moved[1])
             return
         if not check.found:

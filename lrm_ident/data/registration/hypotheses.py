@@ -36,6 +36,7 @@ class Hypothesis:
         words: what was mistaken; empty if nothing.
         complexity: 0 if nothing was mistaken.
         remedy: what a person does about it where no option of the command helps.
+        imputed: whether a column is imputed from all others, so that only these show it.
     """
 
     reading: Reading
@@ -44,6 +45,7 @@ class Hypothesis:
     words: tuple[str, ...] = ()
     complexity: float = 0.0
     remedy: str = ""
+    imputed: bool = False
 
     def also(self, words: str, complexity: float, remedy: str = "", **fields: object) -> Hypothesis:
         """Adds one mistake more; `fields`: of the reading."""

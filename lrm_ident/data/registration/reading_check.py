@@ -35,6 +35,7 @@ from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
+from lrm_math.arrays import Array
 from lrm_math.model.reading import FrameTable
 
 LEAST_POSES = 6
@@ -56,8 +57,8 @@ DOUBTFUL = 0.06
 """Share of the spread beyond which a reading is doubtful: arms with errors of 10 deg and 20 mm stay below 0.02."""
 IMPROVED, AGREED = 0.33, 0.8
 """If a column holds another quantity: the most that is left of the score with it imputed from the others, and the most
-that both agree: of angles the mean resultant length of their difference (Mardia & Jupp 2000), of a coordinate the
-coefficient of determination. After a push or a slip meanwhile they agree to more than 0.9."""
+that both agree: the coefficient of determination, of angles by their circular variance (Mardia & Jupp 2000). After a
+push or a slip meanwhile they agree to more than 0.9."""
 SAGS_SO = 0.75
 """Share of the score below which an arm sags as gravity of another direction makes it: of five arms at 60 poses the
 true direction leaves 0.02 to 0.66 of what the others do."""
@@ -250,24 +251,51 @@ def _unrelated_columns(points: PointSet, read: ScoredReading) -> Iterator[Scored
 
 
 def _shifted_rows(points: PointSet, data: Measurements, rows: NDArray[np.int64]) -> Iterator[ScoredReading]:
-    """The positions, each with the joint angles of the row before or after."""
+    """The positions, each with the joint angles of the row before or after, all or from one pose on."""
     for by, which in ((-1, "before"), (1, "after")):
-        kept = rows[(rows + by >= 0) & (rows + by < len(data))]
+        first = _first_shifted(points, data, by)
+        kept = rows[(rows < first) | ((rows + by >= 0) & (rows + by < len(data)))]
         moved = replace(points, poses=data.poses.take(kept), tcp=data.tcp[kept])
         words = f"each position belongs to the joint angles of the row {which}"
         remedy = "shift the columns of the positions by one row"
+        if first:
+            words, remedy = (f"from pose {data.pose[first]} on {part}" for part in (words, remedy))
+            missing, doubled = ("a position", "a row of angles")[::by]
+            remedy += f" ({missing} is missing there, or {doubled} is there twice)"
         hypothesis = moved.as_read.also(words, COMPOUND, remedy)
-        yield moved.scored(replace(hypothesis, q=data.poses.q[kept + by]))
+        yield moved.scored(replace(hypothesis, q=data.poses.q[np.where(kept < first, kept, kept + by)]))
+
+
+def _first_shifted(points: PointSet, data: Measurements, by: int) -> int:
+    """The row from which positions are nearest to the arm with the angles of the row `by` on; 0: all, or not known.
+
+    A change point by least absolute deviations (Bai 1995), where the positions are in the frame of the arm.
+    """
+    if points.reading.frame == "unknown":
+        return 0
+    rows = data.positions.rows
+    rows = rows[(rows + by >= 0) & (rows + by < len(data))]
+    as_read, shifted = (
+        np.linalg.norm(nominal_tcp(points.arm, data.poses.take(rows + step)) - data.tcp[rows], axis=1)
+        for step in (0, by)
+    )
+    change = int(np.argmin(np.concatenate([[0.0], np.cumsum(as_read - shifted)])))
+    return int(rows[change]) if 0 < change < len(rows) else 0
 
 
 def _with_imputed_angles(points: PointSet) -> Iterator[Hypothesis]:
     for joint, number in enumerate(points.reading.joint_order or range(1, points.arm.dof + 1)):
         angles = imputed_angles(points.arm, points.poses, points.tcp, joint)
-        if np.abs(np.exp(1j * (angles - points.poses.q[:, joint])).mean()) > AGREED:
+        if _dispersion(angles - points.poses.q[:, joint]) < (1.0 - AGREED) * _dispersion(angles):
             continue
         words = f"the angles of joint {joint + 1} do not belong to these positions"
         remedy = f"look into the column of q{number}: its unit, its sign, its rows"
-        yield points.as_read.also(words, COMPOUND, remedy).with_joint(joint, angles)
+        yield replace(points.as_read.also(words, COMPOUND, remedy), imputed=True).with_joint(joint, angles)
+
+
+def _dispersion(angles: Array) -> float:
+    """Circular variance of angles (N,), rad: one less their mean resultant length (Mardia & Jupp 2000)."""
+    return 1.0 - float(np.abs(np.exp(1j * angles).mean()))
 
 
 def _with_imputed_coordinates(points: PointSet) -> Iterator[Hypothesis]:
@@ -277,4 +305,4 @@ def _with_imputed_coordinates(points: PointSet) -> Iterator[Hypothesis]:
         if np.var(tcp[:, axis] - points.tcp[:, axis]) < (1.0 - AGREED) * np.var(tcp[:, axis]):
             continue
         words, remedy = f"{name} does not belong to these angles", "look into its column: its unit, its sign, its rows"
-        yield replace(points.as_read.also(words, COMPOUND, remedy), tcp=tcp)
+        yield replace(points.as_read.also(words, COMPOUND, remedy), tcp=tcp, imputed=True)

@@ -10,12 +10,12 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lrm_ident.data.table_text.other_kinds import check_is_file, check_is_table
-from lrm_ident.data.table_text.workbook import sheet_text
+from lrm_ident.data.table_text.workbook import sheets_of
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
@@ -46,11 +46,15 @@ TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILIN
 
 @dataclass(frozen=True)
 class FileText:
-    """Text of a file; `sha256`: of its bytes. `notices`: what a person should know of how it was read."""
+    """Text of a file; `sha256`: of its bytes. `notices`: what a person should know of how it was read.
+
+    `sheet`: name of the one of a workbook that it is; empty: the file is no workbook.
+    """
 
     text: str
     sha256: str
     notices: tuple[str, ...]
+    sheet: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class CsvTable:
 
     Attributes:
         lines: line number in the file of each row; `header_line`: of the header.
-        sha256: of the file. notices: what a person should know of its text.
+        sha256: of the file. notices: what a person should know of its text. sheet: as in `FileText`.
     """
 
     path: Path
@@ -78,6 +82,7 @@ class CsvTable:
     header_line: int = 1
     sha256: str = ""
     notices: tuple[str, ...] = ()
+    sheet: str = ""
 
     @property
     def header(self) -> tuple[str, ...]:
@@ -103,14 +108,21 @@ class CsvTable:
 
 
 def read_text(path: Path) -> FileText:
-    """Text in UTF-8, in UTF-16 with its mark, or else in Windows-1252 (Latin-1 and more). Raises `FileError`."""
+    """Text in UTF-8, in UTF-16 with its mark, or else in Windows-1252 (Latin-1 and more); of a workbook the likeliest
+    sheet. Raises `FileError`."""
+    return _texts(path)[0]
+
+
+def _texts(path: Path) -> tuple[FileText, ...]:
+    """The text of a file, or those of the sheets of a workbook that may have its table. Raises `FileError`."""
     check_is_file(path)
     content = read_content(path)
     check_is_table(path, content)
     sha256 = hashlib.sha256(content).hexdigest()
     if content.startswith(PACKED):
-        text, said = sheet_text(path, content)
-        return FileText(text, sha256, said)
+        first, *others = sheets = sheets_of(path, content)
+        chosen = [first, *(sheet for sheet in others if sheet.likely[0])]
+        return tuple(FileText(sheet.text, sha256, sheet.notices(sheets), sheet.name) for sheet in chosen)
     if content.startswith(OLD_EXCEL):
         raise FileError(path, "", "an Excel file of before 2007", "save it as .xlsx or as CSV")
     notices = []
@@ -124,16 +136,43 @@ def read_text(path: Path) -> FileText:
     text = TYPOGRAPHIC_MINUS.sub("-", text)
     if not text.endswith(("\n", "\r")):
         notices.append("the last line does not end; is the file complete?")
-    return FileText(text, sha256, tuple(notices))
+    return (FileText(text, sha256, tuple(notices)),)
 
 
-def read_table(path: Path) -> CsvTable:
+def read_table(path: Path, fits: Callable[[CsvTable], bool] | None = None) -> CsvTable:
     """Reads a table with a header, its columns named as in the file, its numbers with decimal points.
 
-    Blank lines, comment lines and empty columns at the right are left out. Raises `FileError`: nothing in it, another
-    kind of file, a row with more or fewer cells than the header, or commas that may mean two things.
+    Blank lines, comment lines and empty columns at the right are left out.
+
+    Args:
+        fits: chooses the sheet of a workbook: the first whose table fits, or else the likeliest.
+
+    Raises `FileError`: nothing in it, another kind of file, a row with more or fewer cells than the header, or commas
+    that may mean two things.
     """
-    file = read_text(path)
+    first, *others = texts = _texts(path)
+    if not others or fits is None:
+        return _table(path, first)
+    fitting = [table for text in texts if (table := _if_fits(path, text, fits)) is not None]
+    if not fitting:
+        return _table(path, first)
+    best, *too = fitting
+    also = enumerate_words([f"'{table.sheet}'" for table in too], LISTED)
+    notice = (f"measurements stand in the sheet {also}, too: put all that count into one sheet",) if too else ()
+    return replace(best, notices=(*best.notices, *notice))
+
+
+def _if_fits(path: Path, text: FileText, fits: Callable[[CsvTable], bool]) -> CsvTable | None:
+    """The table of a sheet, if it can be read, and fits."""
+    try:
+        table = _table(path, text)
+        return table if fits(table) else None
+    except FileError:
+        return None
+
+
+def _table(path: Path, file: FileText) -> CsvTable:
+    """The table of a text. Raises `FileError`."""
     if schema := TOOL_SCHEMA.search(file.text):
         what = f"is a file of the schema {schema[1]}, no table"
         raise FileError(path, "", what, "the data are a CSV: do the arguments stand in another order?")
@@ -155,7 +194,8 @@ def read_table(path: Path) -> CsvTable:
     header, *rows = _cut_to_header(path, numbered, delimiter)
     first, *lines_of = (number for number, _ in numbered)
     columns = tuple(Column(name, name) for name in header)
-    table = CsvTable(path, columns, tuple(rows), tuple(lines_of), first, file.sha256, (*titles, *file.notices))
+    notices = (*titles, *file.notices)
+    table = CsvTable(path, columns, tuple(rows), tuple(lines_of), first, file.sha256, notices, file.sheet)
     return _with_points(_without_repeated_header(table))
 
 

@@ -1,11 +1,11 @@
-"""A sheet of an Excel workbook (.xlsx: Office Open XML, ECMA-376) as the text of a CSV file."""
+"""The sheets of an Excel workbook (.xlsx: Office Open XML, ECMA-376) as texts of CSV files."""
 
 from __future__ import annotations
 
 import csv
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import reduce
@@ -50,6 +50,20 @@ class Sheet:
         return any(JOINT.match(cell) for cells in self.rows.values() for cell in cells.values())
 
     @property
+    def likely(self) -> tuple[bool, bool, bool]:
+        """By which of two sheets the table of measurements is likelier in the greater one."""
+        return self.numbers and not self.hidden, self.numbers and self.names_joints, self.numbers
+
+    def notices(self, others: Sequence[Sheet]) -> tuple[str, ...]:
+        """What a person should know of a table that was read from this sheet, not from others of the workbook."""
+        left = [f"'{sheet.name}'" for sheet in others if sheet is not self and sheet.rows]
+        read = f"read from the sheet '{self.name}'" + (f"; not read: {enumerate_words(left, LISTED)}" if left else "")
+        if not self.hidden_rows:
+            return (read,)
+        hidden = enumerate_words([str(number) for number in self.hidden_rows], LISTED)
+        return read, f"rows that the sheet hides are read, too: line {hidden}; delete them if they do not count"
+
+    @property
     def text(self) -> str:
         """CSV text, the rows on the lines of their numbers."""
         out = io.StringIO()
@@ -60,8 +74,8 @@ class Sheet:
         return out.getvalue()
 
 
-def sheet_text(path: Path, content: bytes) -> tuple[str, tuple[str, ...]]:
-    """CSV text of the first sheet that is shown and has numbers, rather one that names joints; and what was read.
+def sheets_of(path: Path, content: bytes) -> tuple[Sheet, ...]:
+    """The sheets with cells, the likeliest first: shown with numbers, of these those that name joints, else in order.
 
     Dates are in ISO 8601.
 
@@ -72,28 +86,13 @@ def sheet_text(path: Path, content: bytes) -> tuple[str, tuple[str, ...]]:
             if any(part.file_size > LARGEST for part in parts.infolist()):
                 raise FileError(path, "", "the workbook is too large", "save the sheet as CSV")
             sheets = [*_sheets(parts)]
-            if not sheets:
-                raise FileError(path, "", "the workbook has no sheet with cells", "a header, and a row per pose")
-            best = max(
-                sheets,
-                key=lambda sheet: (
-                    sheet.numbers and not sheet.hidden,
-                    sheet.numbers and sheet.names_joints,
-                    sheet.numbers,
-                ),
-            )
     except (BadZipFile, KeyError, ElementTree.ParseError, ValueError, IndexError) as error:
         raise FileError(
             path, "", f"looks packed, but is no readable Excel workbook ({error})", "save it as CSV"
         ) from None
-    others = [f"'{sheet.name}'" for sheet in sheets if sheet is not best and sheet.rows]
-    notices = [
-        f"read from the sheet '{best.name}'" + (f"; not read: {enumerate_words(others, LISTED)}" if others else "")
-    ]
-    if best.hidden_rows:
-        hidden = enumerate_words([str(number) for number in best.hidden_rows], LISTED)
-        notices.append(f"rows that the sheet hides are read, too: line {hidden}; delete them if they do not count")
-    return best.text, tuple(notices)
+    if not sheets:
+        raise FileError(path, "", "the workbook has no sheet with cells", "a header, and a row per pose")
+    return tuple(sorted(sheets, key=lambda sheet: sheet.likely, reverse=True))
 
 
 def _sheets(parts: ZipFile) -> Iterator[Sheet]:

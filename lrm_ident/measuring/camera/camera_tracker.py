@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
@@ -52,9 +53,13 @@ class CameraTracker:
         return {self._tool: TargetPose(np.asarray(tool[:3, 3]), np.asarray(tool[:3, :3]))}
 
 
-def camera_tracker(text: str, tool: int) -> CameraTracker:
-    """The tracker of `CAMERA,SESSION`: as `open_camera` has it, and a file of `camera read`. Raises `LrmError`."""
+def camera_named(text: str) -> Callable[[int], CameraTracker]:
+    """What opens the tracker of `CAMERA,SESSION` for a target's number.
+
+    CAMERA: as `open_camera` has it, SESSION: a file of `camera read`. Raises `LrmError`.
+    """
     camera, _, session = text.rpartition(",")
     if not camera:
         raise LrmError(f"--tracker camera:{text}: should be camera:0,DATA.camera.toml, a file of camera read")
-    return CameraTracker(open_camera(camera), read_toml(Path(session), CameraSession), tool)
+    seen = read_toml(Path(session), CameraSession)
+    return lambda tool: CameraTracker(open_camera(camera), seen, tool)

@@ -33,7 +33,7 @@ from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.servos import connected_bus, release_key
 from lrm_ident.measuring.tracker.dtrack import parse_dtrack
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
-from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker
+from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker, tracker_named
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_settings import ServoSettings, require_same_settings, settings_tables
@@ -186,6 +186,15 @@ def first_frame(tracker: Tracker, name: str) -> TrackerFrame:
         if seen := tracker.frames(LOOK_S):
             return seen[-1]
     raise LrmError(f"--tracker {name}: no frame within {FIRST_FRAME_S:g} s")
+
+
+def check_tracker(tracker: str, robot: str) -> None:
+    """Raises `LrmError`: no tracker has this name, or no file it names is there. Nothing is connected for that."""
+    kind, _, rest = tracker.partition(":")
+    if kind != "zenoh" or not rest:
+        tracker_named(tracker)
+    elif drives_servos(robot):
+        raise LrmError(f"--tracker {tracker}: zenoh comes with a daemon, and --robot {robot} has none; dtrack:PORT")
 
 
 def connected(rover: Rover | None, tracker: str, numbers: TargetNumbers) -> OpenTracker:

@@ -13,7 +13,7 @@ from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.moves import Moves, moves_of
 from lrm_ident.measuring.motion.tip_moves import tip_moves
-from lrm_ident.measuring.recordings.command_log import read_command_log
+from lrm_ident.measuring.recordings.command_log import CommandLog, read_command_log
 from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import joint_track
@@ -66,8 +66,13 @@ class MotionSource:
                 raise FileError(self.recording, "--tip", what, f"a {' or '.join(LOGS)}")
             self._require_no_other_than("prefix")
             return moves_of(read_frames(self.recording, arm, self.angle_unit, self.prefix), arm, self.recording)
-        of_log = ("topic",) if self.recording.suffix == MCAP else ()
         log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
+        moves = self._of_log(log, arm)
+        return replace(moves, notices=(*log.notices, *moves.notices))
+
+    def _of_log(self, log: CommandLog, arm: Arm) -> Moves:
+        """The moves of a log of commands. Raises `FileError`."""
+        of_log = ("topic",) if self.recording.suffix == MCAP else ()
         if self.encoders is not None:
             self._require_no_other_than(*of_log, "encoders")
             return moves_of(log.beside(*joint_track(self.recording, arm, self.encoders)), arm, self.recording)

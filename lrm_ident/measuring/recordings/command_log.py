@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from lrm_ident.data.measurement_file.load import load_pose_table, read_pose_feedback
+from lrm_ident.data.measurement_file.summary_rows import summary_notices
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import joint_track
@@ -44,7 +45,8 @@ class LogFile(StrictSchema):
 class CommandLog:
     """Commanded angles q (N, n), rad, at times t (N,), s.
 
-    `count_s`: rounding of the pulses, 0 if not known. `servos`: how they were set, None if not known.
+    `count_s`: rounding of the pulses, 0 if not known. `servos`: how they were set, None if not known. `notices`: what a
+    person should know of how the file was read.
     """
 
     path: Path
@@ -53,6 +55,7 @@ class CommandLog:
     q: Array
     count_s: float = 0.0
     servos: ServoSettings | None = None
+    notices: tuple[str, ...] = ()
 
     def encoders(self) -> LeRobotFrames | None:
         """The rows as frames, where the file has what the encoders read (`q1_meas_deg, …`); gaps end an episode."""
@@ -104,7 +107,8 @@ def read_command_log(path: Path, arm: Arm, reading: Reading, topic: str | None =
         raise FileError(path, "header", "missing column t_s", "t_s (s) and q1_deg, ... as lrm record writes them")
     beside = path.with_suffix(".toml")
     head = read_toml(beside, LogFile) if beside.is_file() else LogFile()
-    return _checked(CommandLog(path, arm, stated, poses.q, 1e-6 * (head.count_us or 0.0), head.servos))
+    said = summary_notices(table.cells)
+    return _checked(CommandLog(path, arm, stated, poses.q, 1e-6 * (head.count_us or 0.0), head.servos, said))
 
 
 def _checked(log: CommandLog) -> CommandLog:

@@ -369,7 +369,9 @@ def test_a_replaced_motion_does_not_arrive(daemon: InMemoryDaemon, typed: Typed,
 @pytest.mark.usefixtures("daemon")
 def test_somebody_else_has_the_lease(refuses, does) -> None:
     with Rover("rover") as other, other.control("the other one"):
-        assert "the other one holds the lease" in refuses("arm", "--q", ZERO)
+        refused = refuses("arm", "--q", ZERO)
+        assert "the other one holds the lease" in refused
+        assert "take it over (--take;" in refused
         does("--take", "arm", "--q", ZERO)
         with pytest.raises(LrmError, match="lease"):
             other.move({"joint1": 0.1})

@@ -18,9 +18,10 @@ from lrm_ident.data.measurement_file.known_columns import KNOWN
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurement_file.times import seconds_of
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.observations.encoder_readings import EncoderReadings
 from lrm_ident.data.registration.checked import Misread, load_checked
 from lrm_ident.data.table_text.csv_file import read_table, read_text
-from lrm_ident.data.table_text.workbook import sheet_text
+from lrm_ident.data.table_text.workbook import sheets_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, read_arm
 from lrm_math.errors import FileError
@@ -195,6 +196,77 @@ def test_two_families_of_numbered_columns_are_not_guessed(lab: Arm, tmp_path: Pa
         path.write_text(text(["pose", *names, *NAMES[7:]], rows=rows))
         with pytest.raises(FileError, match="missing column q1_deg"):
             load_measurements(path, lab)
+
+
+COMMANDS_AND_ENCODERS = {
+    "as a UR writes them": ("target_q_{}", "actual_q_{}", 0),
+    "as ours beside theirs": ("q{}_deg", "q{}_actual", 1),
+    "as of servos": ("goal_position_{}", "present_position_{}", 1),
+    "in words": ("cmd joint {} [deg]", "measured joint {} [deg]", 1),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS_AND_ENCODERS)
+def test_commands_and_what_encoders_read_are_told_apart_by_their_words(tmp_path: Path, lab: Arm, name: str) -> None:
+    """Before: two such families were not read at all, and the encoders' alone were taken for commands."""
+    command, encoder, first = COMMANDS_AND_ENCODERS[name]
+    path, numbers = tmp_path / "data.csv", range(first, first + 6)
+    rows = [(*row[1:7], *(angle + 1.0 for angle in row[1:7]), *([9.0] * 6), *row[7:]) for row in ROWS]
+    currents = [f"actual_current_{i}" for i in numbers]
+    header = [*(command.format(i) for i in numbers), *(encoder.format(i) for i in numbers), *currents, *NAMES[7:]]
+    path.write_text(text(header, rows=rows))
+    path.with_suffix(".toml").write_text(
+        'schema = "lrm/measurements/1"\nnoise_sd_mm = 0.1\nfeedback_sd_deg = 0.1\n', encoding="utf-8"
+    )
+    data = load_measurements(path, lab)
+    np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS])
+    (read_back,) = data.of(EncoderReadings)
+    np.testing.assert_allclose(np.degrees(read_back.values), np.add([row[1:7] for row in ROWS], 1.0))
+    path.write_text(text(header[6:], rows=[row[6:] for row in rows]))
+    with pytest.raises(FileError, match=r"missing column q1_deg.* is what encoders read: rename it to q1_deg"):
+        load_measurements(path, lab)
+
+
+def test_numbered_columns_that_name_no_joints_are_no_encoders(tmp_path: Path, lab: Arm) -> None:
+    path = tmp_path / "data.csv"
+    rows = [(*row, *([3.0] * 6)) for row in ROWS]
+    path.write_text(text([*NAMES, *(f"measured_force_{i}" for i in range(6))], rows=rows))
+    assert not load_measurements(path, lab).of(EncoderReadings)
+    assert "measured_force_0" in " ".join(load_measurements(path, lab).source.notices)
+
+
+@pytest.mark.parametrize("yaw", ["yaw_deg", "Yaw", "yaw [deg]"])
+def test_roll_pitch_and_yaw_of_the_tool_are_not_taken_for_gravity(tmp_path: Path, lab: Arm, yaw: str) -> None:
+    """Before: the tool's roll and pitch turned gravity without a word."""
+    path = tmp_path / "data.csv"
+    path.write_text(text([*NAMES, "roll_deg", "pitch_deg", yaw], rows=[(*row, 5.0, -4.0, 90.0) for row in ROWS]))
+    with pytest.raises(FileError, match="of the tool, or how the base leans"):
+        load_measurements(path, lab)
+    path.write_text(text([*NAMES, "roll_deg", "pitch_deg"], rows=[(*row, 5.0, -4.0) for row in ROWS]))
+    assert load_measurements(path, lab).poses.gravity is not None
+
+
+def test_poses_that_are_named_by_numbers_have_these(tmp_path: Path, lab: Arm) -> None:
+    """Before: P001 was refused as no number. Gaps still end what is known of the way."""
+    path = tmp_path / "data.csv"
+    rows = [[name, *row[1:], of] for name, row, of in zip(("P001", "P004"), ROWS, ("", "P001"), strict=True)]
+    path.write_text("\n".join(",".join(map(str, row)) for row in [[*NAMES, "repeat_of"], *rows]) + "\n")
+    data = load_measurements(path, lab)
+    assert (data.pose.tolist(), data.repeat_of.tolist()) == ([1, 4], [1, 1])
+    assert any("'P001' is 1" in notice for notice in data.source.notices)
+    path.write_text(path.read_text().replace("P004", "Q004"))
+    with pytest.raises(FileError, match="column pose: 'P001' is not a number"):
+        load_measurements(path, lab)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("stamp", 1.0), ("timestamp_ns", 1e9), ("t_us", 1e6), ("t_h", 1 / 3600)])
+def test_times_of_recordings_are_read_in_their_unit(tmp_path: Path, lab: Arm, name: str, unit: float) -> None:
+    path = tmp_path / "data.csv"
+    rows = [(*row, round(unit * 72.0 * number, 6)) for number, row in enumerate(ROWS)]
+    path.write_text(text([*NAMES, name], rows=rows))
+    t = load_measurements(path, lab).poses.t
+    assert t is not None
+    np.testing.assert_allclose(np.diff(t), 72.0, rtol=1e-3)
 
 
 def test_columns_that_are_not_used_are_told_with_the_names_that_would_be(tmp_path: Path, lab: Arm) -> None:
@@ -437,6 +509,19 @@ BOOKS: dict[str, tuple[dict[str, object], str]] = {
     ),
     "an empty sheet before": ({"sheets": {"Empty": [], "Data": TABLE}}, "read from the sheet 'Data'"),
     "a hidden sheet before": ({"sheets": {"Old": WRONG, "Data": TABLE}, "hidden": "Old"}, "not read: 'Old'"),
+    "positions alone before": (
+        {"sheets": {"Tracker": [["t", "x", "y", "z"], *([k, 1.0, 2.0, 3.0] for k in range(9))], "Data": TABLE}},
+        "read from the sheet 'Data'; not read: 'Tracker'",
+    ),
+    "the plan before": ({"sheets": {"Plan": [row[:7] for row in TABLE], "Data": TABLE}}, "read from the sheet 'Data'"),
+    "a damaged plan before": (
+        {"sheets": {"Plan": [[*NAMES, "q1_deg"], [*ROWS[0], 1.0]], "Data": TABLE}},
+        "read from the sheet 'Data'",
+    ),
+    "another run behind, which counts too": (
+        {"sheets": {"Data": TABLE, "Run 2": WRONG}},
+        "measurements stand in the sheet 'Run 2', too: put all that count into one sheet",
+    ),
     "another run behind": ({"sheets": {"Data": TABLE, "Run 2": WRONG}}, "not read: 'Run 2'"),
     "strict Open XML": (
         {"sheets": {"Data": TABLE}, "space": 'xmlns="http://purl.oclc.org/ooxml/spreadsheetml/main"'},
@@ -455,6 +540,12 @@ def test_of_a_workbook_the_first_sheet_with_numbers_is_read(tmp_path: Path, lab:
     np.testing.assert_allclose(data.tcp * 1e3, [row[7:] for row in ROWS], atol=1e-9)
     assert any(said in notice for notice in data.source.notices), data.source.notices
     assert not any("above the header" in notice for notice in data.source.notices)
+
+
+def test_of_a_workbook_without_the_table_the_sheet_that_was_read_is_named(tmp_path: Path, lab: Arm) -> None:
+    path = workbook_of(tmp_path / "data.xlsx", {"Raw": [["x", "y"], [1.0, 2.0]], "More": [["y", "z"], [1.0, 2.0]]})
+    with pytest.raises(FileError, match="header of the sheet 'Raw': missing column q1_deg"):
+        load_measurements(path, lab)
 
 
 def test_a_formula_without_its_value_is_named(tmp_path: Path, lab: Arm) -> None:
@@ -491,7 +582,7 @@ def test_cells_of_a_workbook_keep_places(tmp_path_factory: pytest.TempPathFactor
     import csv
 
     path = workbook(tmp_path_factory.mktemp("book") / "any.xlsx", [list(row) for row in rows])
-    read = list(csv.reader(sheet_text(path, path.read_bytes())[0].splitlines()))
+    read = list(csv.reader(sheets_of(path, path.read_bytes())[0].text.splitlines()))
     for i, row in enumerate(rows):
         there = read[i] if i < len(read) else []
         assert [" ".join(cell.split()) for cell in row if cell] == [there[j] for j, cell in enumerate(row) if cell]

@@ -186,6 +186,21 @@ def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: 
         assert len(read) >= 12
 
 
+def test_rows_left_out_of_a_log_are_told(tmp_path: Path) -> None:
+    """Before: `motion fit` and `motion play` cut a row of means below a log, and told nobody."""
+    t = np.arange(2400) / 20.0
+    q = 20.0 * np.sin(np.outer(t, [0.7, 0.9, 1.1, 1.3, 1.5]))
+    tip, dof = np.cumsum(np.ones((2400, 3)), axis=0), range(1, 6)
+    names = ["t_s", *(f"q{i}_deg" for i in dof), *(f"q{i}_meas_deg" for i in dof), "x_mm", "y_mm", "z_mm"]
+    read = np.vstack([q[:1], q[:-1]])  # a row late
+    table = np.column_stack([t, q, read, tip])
+    rows = [",".join(f"{cell:.4f}" for cell in row) for row in (*table, table.mean(axis=0))]
+    (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows, ""]))
+    said = "line 2402: mean of the rows above, left out"
+    assert said in read_command_log(tmp_path / "log.csv", SO101, AS_NAMED).notices
+    assert said in MotionSource(tmp_path / "log.csv").moves(SO101).notices
+
+
 @pytest.mark.long
 def test_refuses_before_anything_moves(design: MotionDesign) -> None:
     follower, far = Follower(SimulatedClock()), design.sequence.q.copy()

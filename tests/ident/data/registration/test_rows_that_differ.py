@@ -19,6 +19,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
+from tests.support.misreadings import random_arm_data
 
 ARM = load_arm("lrm-lab")
 
@@ -124,3 +125,42 @@ def test_a_column_that_is_not_used_is_said_where_nothing_fits(tmp_path: Path) ->
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     with pytest.raises(Misread, match="not used, though it may move the tip: rail_mm"):
         load_checked(path, ARM)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("arm", "seed"), [("lrm-lab", 1), ("so101", 2)])
+@pytest.mark.parametrize(("lost", "which"), [("position", "after"), ("angles", "before")])
+def test_a_row_that_one_half_of_the_file_lost_is_named(arm: str, seed: int, lost: str, which: str) -> None:
+    """Before: no reading explained them, and the message asked whether it is another arm."""
+    data, first = random_arm_data(arm, seed, poses=120), 30 + 30 * seed
+    kept = np.arange(119)
+    after = kept + (kept >= first)
+    rows, tips = (kept, after) if lost == "position" else (after, kept)
+    torn = data.take(kept).with_tcp(data.tcp[tips])
+    torn = replace(torn, poses=replace(torn.poses, q=data.poses.q[rows]))
+    named = f"({torn.pose[first]}|{torn.pose[first + 1]})"  # the position at the lost angles belongs to no row
+    with pytest.raises(Misread, match=f"from pose {named} on each position .* row {which}; ") as fault:
+        _check(load_arm(arm), torn)
+    assert f"a {'position' if lost == 'position' else 'row of angles'} is missing there" in str(fault.value)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("arm", ["lrm-lab", "so101"])
+def test_a_column_that_stands_still_while_its_joint_moves_is_named(arm: str) -> None:
+    """Before: of an arm with a narrow range every constant counted as like its angles, and another joint was named."""
+    data = random_arm_data(arm, 5, poses=120)
+    for joint in range(1, 4):
+        q = data.poses.q.copy()
+        q[:, joint] = q[:, joint].mean()
+        with pytest.raises(Misread, match=f"the angles of joint {joint + 1} do not belong"):
+            _check(load_arm(arm), replace(data, poses=replace(data.poses, q=q)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("arm", ["lrm-lab", "so101"])
+def test_an_arm_that_was_moved_along_an_axis_is_no_wrong_column(arm: str) -> None:
+    """Before: y alone looked wrong, and the message sent the user to its column."""
+    data = random_arm_data(arm, 6, poses=120)
+    tcp = data.tcp + np.outer(np.arange(120) >= 60, [0.0, 0.4, 0.0])
+    with pytest.raises(Misread, match=r"from pose 61 on the positions are in another frame.*moved by 4\d\d mm"):
+        _check(load_arm(arm), data.with_tcp(tcp))

@@ -17,7 +17,7 @@ pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
 from lrm_ident.data.measurement_file.conventions import frame_table
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.measuring.camera.camera_tracker import CameraTracker, camera_tracker
+from lrm_ident.measuring.camera.camera_tracker import CameraTracker, camera_named
 from lrm_ident.measuring.camera.capture import Picture, open_camera
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import CameraSession
@@ -128,7 +128,7 @@ def test_pictures_of_the_network_and_what_is_none() -> None:
     with pytest.raises(LrmError, match="its number, or the address"):
         open_camera("webcam")
     with pytest.raises(LrmError, match="camera:0,DATA"):
-        camera_tracker("0", 1)
+        camera_named("0")
 
 
 @dataclass

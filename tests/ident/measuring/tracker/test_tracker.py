@@ -20,6 +20,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, Tracke
 from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
 from lrm_ident.measuring.tracker.source import open_tracker
 from lrm_math.errors import LrmError
+from tests.support.commands import stderr_of
 from tests.support.sweep import examples
 
 coordinate = st.floats(-50.0, 50.0)
@@ -205,6 +206,23 @@ def test_a_wrong_source_is_one_line_that_says_what_would_be_right(text: str) -> 
     with pytest.raises(LrmError, match=r"dtrack:PORT") as caught:
         open_tracker(text, NUMBERS)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("command", [("measure", "p.csv", "-o", "d.csv"), ("verify",)])
+@pytest.mark.parametrize(
+    ("tracker", "robot", "said"),
+    [
+        ("vicon:1", "rover", "--tracker vicon:1: should be dtrack:PORT"),
+        ("csv:missing.csv", "rover", "missing.csv: tracker: cannot be read"),
+        ("camera:0,missing.camera.toml", "rover", "missing.camera.toml"),
+        ("zenoh:tip", "feetech:/dev/none,file.json", "has none; dtrack:PORT"),
+    ],
+)
+def test_a_wrong_tracker_is_told_before_anything_is_connected(
+    command: tuple[str, ...], tracker: str, robot: str, said: str
+) -> None:
+    """Before: without a daemon the error was the daemon's; with one its lease was taken first."""
+    assert said in stderr_of(*command, "--tracker", tracker, "--robot", robot)
 
 
 def test_a_rest_has_the_mean_orientation_of_the_tool_against_the_base() -> None:
