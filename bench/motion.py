@@ -110,7 +110,7 @@ def ours(task: MotionTask) -> MotionScore:
     for joint, data in enumerate(other.measured(study.model, range(task.arm.dof))):
         effects = study.model.of_joint(joint)
         values = np.array([[study.model.values[key] for effect in effects for key in effect.keys]])
-        squares.append(np.mean(data.error(effects, values)[0] ** 2))
+        squares.append(np.mean(data.error(data.missed(effects, values))[0] ** 2))
     own = [
         np.array([study.model.values[f"servo_response.{place}.{name}"] for place in task.arm.joint_names])
         for name in ("frequency_Hz", "damping_ratio")

@@ -99,6 +99,8 @@ class DiagnosisReport(ShownInNotebook):
             them when they were added.
         beside: the effect that the first candidate needs beside it to make the deployed model surely better, or empty.
         influential: poses that alone determine the model where they are, if most of the held-out error is theirs.
+        moved: RMS distance (m) between the positions that the judged model and the file's predict at these poses: a
+            diagnosis fits anew without outliers, and on other data.
     """
 
     diagnosis: Diagnosis
@@ -116,6 +118,7 @@ class DiagnosisReport(ShownInNotebook):
     beside: str = ""
     indistinguishable: Mapping[str, Sequence[str]] = field(default_factory=dict)
     influential: InfluentialPoses | None = None
+    moved: float = 0.0
 
     def __repr__(self) -> str:
         fit = self.diagnosis.fit

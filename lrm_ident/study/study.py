@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -10,6 +11,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
@@ -17,6 +20,7 @@ from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.step import Step
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.parameter_sets import default_keys
@@ -36,6 +40,7 @@ from lrm_math.effects import CATALOGUE, ParameterRef, effects_at
 from lrm_math.effects.memory import assumed_steps
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, to_model
 from lrm_math.model.step_name import ADD, FIT, FREE, REFIT, StepName
@@ -137,7 +142,7 @@ class Study(ModelOnData, ShownInNotebook):
 
         comparison = compared if self.prior_name == TYPICAL else None
         report = build_report(screened or self.screen(rates), self._say, comparison)
-        return replace(report, indistinguishable=self._indistinguishable)
+        return replace(report, indistinguishable=self._indistinguishable, moved=self._moved(report.diagnosis.fit))
 
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`) or candidate and refits everything, without the diagnosis's outliers.
@@ -277,6 +282,12 @@ class Study(ModelOnData, ShownInNotebook):
         of = self.data.source
         model = to_model(of.path, file, self.model.arm, self.catalogue)
         return replace(self, model=model_for_data(model, of.path, of.sha256)[0], source=file, step=None)
+
+    def _moved(self, judged: Fit) -> float:
+        """RMS distance (m) of the positions that a fit's model predicts from those of the model that is saved."""
+        saved = self if self._filed is None else self._filed
+        before, rows = batch_equilibrium(named_part(saved.model), judged.equilibrium.poses)
+        return math.sqrt(np.mean(np.sum((before.tcp - judged.equilibrium.tcp[rows]) ** 2, axis=1)))
 
     def identifiable(self) -> Study:
         """The study without a residual field, fitted with typical sizes as all steps are, not with another prior."""

@@ -70,7 +70,7 @@ class TrueJoints:
 
 
 @dataclass(frozen=True)
-class World:
+class MovingWorld:
     """The bodies of an arm.
 
     Attributes:
@@ -131,8 +131,8 @@ def described(name: str) -> ArmDescription:
     return load_arm(Path(__file__).resolve().parents[2] / "config" / "arms" / f"{name}.toml")
 
 
-SO101 = World(described("so101"))
-ROVER = World(described("lrm-rover"), links_swing=True, gyration=0.03)
+SO101 = MovingWorld(described("so101"))
+ROVER = MovingWorld(described("lrm-rover"), links_swing=True, gyration=0.03)
 SECOND_MASS = 0.02
 """Share of the second mass in the first."""
 COGS = 60.0
@@ -184,7 +184,7 @@ def tour(rng: np.random.Generator, joints: int, rate: float, seconds: float, res
     return np.array(rows[:N])
 
 
-def followed(world: World, arms: Sequence[TrueJoints], told: Array, begun: Array, ticks: int, h: float) -> Array:
+def followed(world: MovingWorld, arms: Sequence[TrueJoints], told: Array, begun: Array, ticks: int, h: float) -> Array:
     """(C, N, n), rad, where joints, or what hangs behind springs, are at the first of every `ticks` steps of h (s).
 
     told: (C, N ticks, n), put out at every step; begun: (C, 1), s since power-on.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of, effects_of
@@ -13,6 +14,9 @@ from lrm_ident.report.text.advice import plan_options, provided_words
 from lrm_ident.report.text.next_steps import CommandNames, NextStep
 from lrm_math.effects import Effect, ModelPart
 from lrm_math.model.deployed_model import CORRECTED, on_rover
+
+SHOWN_M = 1e-5
+"""m, the last digit of an error in mm that is printed."""
 
 
 def next_steps(assessment: Assessment, names: CommandNames) -> Iterator[NextStep]:
@@ -30,11 +34,11 @@ def next_steps(assessment: Assessment, names: CommandNames) -> Iterator[NextStep
             options = f"--have {{data}} --levels any -n {say.MORE_POSES}"
             yield say.measure_more(names, "lie at any angles, in random order", options)
         yield say.propose_formula(names, say.WITHOUT_POSES if lacking else "")
-        yield say.deploy(names, say.MEANWHILE)
+        yield _deploy(assessment, names, say.MEANWHILE)
         yield say.no_repair_yet()
     else:
         yield say.diagnose_again(names, say.CHECK_REPEATS)
-        yield say.deploy(names, say.MEANWHILE)
+        yield _deploy(assessment, names, say.MEANWHILE)
         yield say.no_repair_yet()
 
 
@@ -68,9 +72,9 @@ def _of_a_model(assessment: Assessment, names: CommandNames) -> Iterator[NextSte
     yield from (step for step in repairs if not step.lead)
     if assessment.report.verdict == Verdict.NOISE_UNKNOWN:
         yield say.diagnose_again(names, say.CHECK_NOISE)
-        yield say.deploy(names, say.MEANWHILE)
+        yield _deploy(assessment, names, say.MEANWHILE)
     else:
-        yield say.deploy(names)
+        yield _deploy(assessment, names)
         yield say.verify()
     yield from _poses_that_distinguish(assessment, names, say.FOR_THE_CAUSE)
     yield from _more_than_poses(assessment, names)
@@ -78,7 +82,19 @@ def _of_a_model(assessment: Assessment, names: CommandNames) -> Iterator[NextSte
     if assessment.terms and not assessment.causes:
         yield say.no_repair_yet(list(dict.fromkeys(map(place_in_words, assessment.terms))))
     if assessment.report.verdict == Verdict.NOTHING_MISSING:
-        yield say.export(names)
+        yield say.export(replace(names, model=say.BEST) if _is_refitted(assessment) else names)
+
+
+def _deploy(assessment: Assessment, names: CommandNames, lead: str = "") -> NextStep:
+    """How the arm gets the model that was judged."""
+    if not _is_refitted(assessment):
+        return say.deploy(names, lead)
+    return say.deploy_refitted(names, bool(assessment.report.diagnosis.outliers), lead)
+
+
+def _is_refitted(assessment: Assessment) -> bool:
+    """Whether the file's model predicts other positions than the judged one, as far as errors are printed."""
+    return assessment.report.moved > SHOWN_M
 
 
 def _poses_that_distinguish(assessment: Assessment, names: CommandNames, lead: str = "") -> Iterator[NextStep]:

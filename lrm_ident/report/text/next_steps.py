@@ -24,6 +24,8 @@ CHECK_REPEATS = (
     "noise larger than stated"
 )
 FIT_ANEW = "lrm-ident fit {data} --arm {arm} -o new.toml", "lrm-ident diagnose new.toml {data}"
+BEST = "best.toml"
+AUTO = f"lrm-ident auto {{model}} {{data}} -o {BEST}"
 OF_MEASURING = "every measured position rests on it"
 MAY_CHANGE = "the model does not correct it, and it may change again"
 CORRECTED = "or repair, though the model corrects it"
@@ -80,8 +82,7 @@ def add_effect(names: CommandNames, effect: str, words: str, lead: str) -> NextS
 
 def add_all(names: CommandNames) -> NextStep:
     """How to add every effect that is missing."""
-    auto = names.command("lrm-ident auto {model} {data} -o best.toml")
-    return NextStep("Add all that is missing", (auto,), OR)
+    return NextStep("Add all that is missing", (names.command(AUTO),), OR)
 
 
 def measure_more(names: CommandNames, what: str, options: str, lead: str = "", **more: str) -> NextStep:
@@ -112,6 +113,13 @@ def deploy(names: CommandNames, lead: str = "") -> NextStep:
     """How the arm gets the model."""
     words = "Give the arm this model" if lead else "Give the arm's daemon the model"
     return NextStep(f"{words} (nothing moves)", (names.command("lrm deploy {model}"),), lead)
+
+
+def deploy_refitted(names: CommandNames, without_poses: bool, lead: str = "") -> NextStep:
+    """How the arm gets the model that was judged, where the file has another one. `without_poses`: those left out."""
+    how = "without the poses left out" if without_poses else "to these measurements"
+    words = f"Fit again {how}, and give the arm's daemon that model (nothing moves)"
+    return NextStep(words, (names.command(AUTO), names.command("lrm deploy {model}", model=BEST)), lead)
 
 
 def verify() -> NextStep:

@@ -7,6 +7,7 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lrm_ident as lrm
@@ -25,6 +26,7 @@ from lrm_ident.report.text.next_steps import CommandNames, labelled
 from lrm_ident.report.text.verdicts import HEADLINES
 from lrm_ident.residual.data_audit import Limitation, LimitationKind
 from lrm_ident.study.study import Study
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 from tests.support.misreadings import random_arm_data
@@ -77,6 +79,24 @@ def test_without_a_missing_effect_the_noise_is_the_reason(better_study: Study) -
     assert dict(found.facts)["held-out error"].endswith("(1.1 times the measurement noise 0.52 mm)")
     assert [(step.lead, *step.commands) for step in found.next] == DEPLOYED
     assert "then measure and fit again" in found.next[2].words
+
+
+def test_the_file_to_deploy_predicts_as_its_diagnosis_does(better_study: Study) -> None:
+    """A diagnosis judges a fit without outliers, which a file that was fitted with them does not have."""
+    data = better_study.data
+    tcp = data.tcp.copy()
+    tcp[[7, 40]] += [0.06, -0.05, 0.04]
+    spoilt = replace(better_study, data=data.with_tcp(tcp)).fit()
+    report = spoilt.diagnose()
+    first, *_ = (step for step in conclude(report, CommandNames("m.toml", "d.csv")).next if "lrm deploy" in str(step))
+    assert report.diagnosis.outliers == tuple(data.pose[[7, 40]].tolist())
+    assert first.commands == ("lrm-ident auto m.toml d.csv -o best.toml", "lrm deploy best.toml")
+    judged = report.diagnosis.fit.equilibrium
+    run, after = spoilt.auto()
+    best = solve_equilibrium(after.model, judged.poses)
+    assert len(run.steps) == 1
+    np.testing.assert_allclose(best.tcp, judged.tcp, rtol=0.0, atol=1e-8)
+    assert after.diagnose().moved < 1e-6 < 1e-4 < report.moved
 
 
 def test_an_arm_that_goes_on_changing_is_not_called_complete(better_study: Study) -> None:
