@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
 
+from lrm_ident.data.error_stats import ErrorStats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.residual import (
     data_audit,
     error_breakdown,
@@ -20,13 +23,22 @@ from lrm_ident.residual import (
     residual_structure,
 )
 from lrm_ident.residual.covariates import Covariate, distinct
-from lrm_ident.residual.deployment import carried_states, forecast_error, rolling_origin, unmeasured_angles
+from lrm_ident.residual.deployment import (
+    carried_states,
+    forecast_error,
+    reverting_terms,
+    rolling_origin,
+    unmeasured_angles,
+)
 from lrm_ident.residual.influential_poses import influential_poses
 from lrm_ident.residual.rounded_commands import RoundedCommands
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Excitation
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.derivatives import joint_jacobian
+from lrm_math.model.equilibrium import solve_equilibrium
 
 MANY = 400
 Patch = pytest.MonkeyPatch
@@ -159,6 +171,52 @@ def loads_are_one(kg: float, patch: Patch) -> bool:
     return bool(asked)
 
 
+def surely_worse(z: float, patch: Patch) -> bool:
+    """Later poses, by the standard errors by which those before predict them worse than all around do."""
+    data: Any = SomePoses(MANY)
+    data.tcp, data.poses.payload = np.zeros((MANY, 3)), np.zeros(MANY)
+    data.take = lambda _: data
+    data.borne_by = lambda _: data
+    predicted = SimpleNamespace(
+        sigma=1.0, followed=np.ones((50, 3)), unknown=np.ones((50, 3)), squares=lambda *_: np.ones(MANY)
+    )
+    for name, answer in {
+        "_origin": MANY - 50, "field_of": None, "allows_rolling_origin": True, "_predicted": predicted, "paired_z": z,
+    }.items():  # fmt: skip
+        patch.setattr(forecast_error, name, lambda *_, answer=answer: answer)
+    found = forecast_error.forecast_error(SimpleNamespace(free=("a",)), data, None, None)  # type: ignore[arg-type]
+    return any(isinstance(value, ErrorStats) for value in vars(found).values())
+
+
+def ends_with_the_range(patch: Patch, size: float, inflation: float = 1.0) -> bool:
+    """A term that is so large at the joint's limit, over its size in the measured range; of its change with the angle
+    other parameters explain so much."""
+    angle = np.linspace(-1.0, 1.0, MANY)
+    motion = np.zeros((MANY, 3))
+    motion[:, 0] = 1.0
+    patch.setattr(reverting_terms, "parameter_jacobian", lambda *_: motion[:, :, None])
+    patch.setattr(reverting_terms, "_only", lambda *_: np.ones(1))
+    patch.setattr(reverting_terms, "_beside", lambda _, column: column / np.sqrt(inflation))
+    joint = SimpleNamespace(lower=-3.0, upper=3.0)
+    model = SimpleNamespace(
+        free=("a",), arm=SimpleNamespace(dof=1, joints=(joint,)), within=SimpleNamespace(angle=((-1.0, 1.0),))
+    )
+    fitted: Any = SimpleNamespace(
+        model=model, sigma=0.0, residual=motion * angle[:, None] * (size - 1.0) / 3.0,
+        equilibrium=SimpleNamespace(poses=SimpleNamespace(q=angle[:, None])),
+    )  # fmt: skip
+    term: Any = SimpleNamespace(keys=("a",))
+    return bool(np.isfinite(reverting_terms._ends(fitted, term)).any())
+
+
+def smaller_at_the_limit(size: float, patch: Patch) -> bool:
+    return ends_with_the_range(patch, size)
+
+
+def told_from_the_other_parameters(inflation: float, patch: Patch) -> bool:
+    return ends_with_the_range(patch, 0.0, inflation)
+
+
 GATES: dict[Decision, tuple[float, float]] = {
     repeats_another: (0.998, 0.9995),
     loaded: (0.045, 0.055),
@@ -172,6 +230,9 @@ GATES: dict[Decision, tuple[float, float]] = {
     grouped_by_value: (9, 8),
     part_of_its_own: (11, 10),
     loads_are_one: (1.1e-3, 0.9e-3),
+    surely_worse: (3.0, 3.2),
+    smaller_at_the_limit: (0.55, 0.45),
+    told_from_the_other_parameters: (110.0, 90.0),
 }
 """By decision: a figure for which it is no, and one for which it is yes."""
 
@@ -258,3 +319,35 @@ def test_inputs_that_matter_are_named_five_at_most(monkeypatch: Patch) -> None:
     """Each matters a tenth as much as the first, or more; kernels are estimated from 250 rows."""
     assert followed(np.array([1.0, 0.11, 0.09]), monkeypatch) == (2, 20)
     assert followed(np.ones(9), monkeypatch, rows=600) == (5, 250)
+
+
+def test_forecasts_are_of_a_thousand_poses_at_most() -> None:
+    taken: list[int] = []
+
+    class Enough(Exception):
+        """Raised as soon as they are taken."""
+
+    def take(rows: Array) -> None:
+        taken.append(len(rows))
+        raise Enough
+
+    data: Any = SomePoses(5000)
+    data.take = take
+    with pytest.raises(Enough):
+        forecast_error.forecast_error(None, data, None, None)  # type: ignore[arg-type]
+    assert taken == [1000]
+
+
+def test_ten_worst_poses_and_functions_of_six_degrees() -> None:
+    """Of one quantity with many values."""
+    arm = load_arm("lrm-lab")
+    model = nominal_model(arm)
+    poses = poses_of(np.random.default_rng(0).uniform(-1.0, 1.0, (40, arm.dof)))
+    settled = solve_equilibrium(model, poses)
+    data = Measurements.of_tcp(poses, settled.tcp + np.linspace(0.0, 1e-3, 40)[:, None])
+    compared = error_breakdown._compared(model, data, error_breakdown.HeldOutResidual(None, "few"))
+    assert compared.worst == tuple(range(39, 29, -1))
+    before = free_functions.lagged(settled.joint_torque)
+    J = joint_jacobian(settled).transpose(2, 1, 0)
+    single = [one for one in free_functions.free_functions(J, data, settled, before) if len(one.covariates) == 1]
+    assert {one.size for one in single if one.place == 1 and one.covariates[0].kind == "angle"} == {6}
