@@ -59,15 +59,14 @@ def _stored_hint(detail: Mapping[str, object]) -> str:
 
 def move(o: argparse.Namespace) -> int:
     """`lrm move`: moves servos by name or number."""
+    if not (o.q or o.joint or o.servo):
+        raise LrmError("move: nothing to move; give --joint N ANGLE, --servo NAME ANGLE or --q")
     with open_rover(o) as rover:
         joints = joint_angles(rover, o.q) if o.q else {}
         others = servo_angles(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
         for name in (name for name in others if name in joints):
             raise LrmError(f"{name} is given twice, in --q too: which angle is meant?")
-        targets = joints | others
-        if not targets:
-            raise LrmError("move: nothing to move; give --joint N ANGLE, --servo NAME ANGLE or --q")
-        return run_motion(o, rover, [targets], payload_kg(o))
+        return run_motion(o, rover, [joints | others], payload_kg(o))
 
 
 def gripper(o: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ from lrmd.messages.control import ArmRequest
 from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import RampReport
 
-SAY_WHERE = "state it: lrm arm --at SERVO ANGLE (--q for all joints), or where = 'given' with q_rad"
+SAY_WHERE = 'state it: lrm arm --at SERVO ANGLE (--q for all joints; in rpc/arm: "where": "given" with q_rad)'
 """What a client does whose arm is not where the daemon could know; a servo jumps to what is stated."""
 
 
@@ -84,12 +84,15 @@ def _nothing_to_take_over(a: ArmingSituation) -> dict[int, int]:
 
 
 def _still_pulsing(_: ArmingSituation) -> dict[int, int]:
-    raise RequestError("still_pulsing", "the board is still pulsing; take its pose over with where = 'board'")
+    raise RequestError(
+        "still_pulsing",
+        'the board is still pulsing; take its pose over: lrm arm --board (in rpc/arm: "where": "board")',
+    )
 
 
 def _given(a: ArmingSituation) -> dict[int, int]:
     if not a.request.q_rad:
-        raise RequestError("pose_needed", "where = 'given' needs q_rad: the present angles of the servos")
+        raise RequestError("pose_needed", '"where": "given" needs q_rad: the present angles of the servos')
     indices = {a.config.index(name): q for name, q in a.request.q_rad.items()}
     return {i: a.config.servos[i].pulse_ns(q) for i, q in indices.items()}
 

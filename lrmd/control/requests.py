@@ -170,7 +170,8 @@ def _seconds(s: ControllerState, legs: Sequence[Leg], departure: Departure) -> f
 def _relax(s: ControllerState, request: RelaxRequest, now: int) -> RequestResult:
     names = s.config.names if request.servos is None else request.servos
     if request.servos is not None and s.report.board_outputs & ~s.report.outputs:
-        text = "the board is still pulsing others too; take its pose over with rpc/arm, where = 'board', or relax all"
+        take_over = 'take its pose over: lrm arm --board (in rpc/arm: "where": "board")'
+        text = f"the board is still pulsing others too; {take_over}, or relax all"
         raise RequestError("still_pulsing", text)
     remaining = s.outputs & ~sum({1 << s.config.index(name) for name in names})
     if remaining and s.mode not in LIVE:

@@ -67,7 +67,7 @@ class ArmRequest(MotionRequest):
     def _used(cls, value: Any, info: ValidationInfo) -> Any:
         only = "given" if info.field_name == "q_rad" else "stored"
         if value and info.data.get("where", only) != only:
-            raise ValueError(f"goes with where = '{only}' and with nothing else")
+            raise ValueError(f'goes with "where": "{only}" and with nothing else')
         return value
 
 

@@ -485,7 +485,7 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
         (["move", "--joint", "1", "3", "--payload-g", "nan"], "--payload-g nan"),
         (["gripper", "3"], "gripper has no pulses; arm it first"),
         (["pan-tilt", "3", "500"], "pan has no pulses"),
-        (["arm", "--q", ZERO, "--servo", "joint1"], "servos: goes with where = 'stored'"),
+        (["arm", "--q", ZERO, "--servo", "joint1"], 'servos: goes with "where": "stored"'),
         (["arm", "--at", "joint9", "3"], "unknown servo 'joint9'"),
         (["relax", "wing"], "unknown servo 'wing'"),
         (["reset"], "reset_fault with pulses on is not allowed while armed (all servos are on); it is while fault"),

@@ -39,6 +39,7 @@ from lrm_math.model.deployed_model import deployed_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
+from tests.support.table_cells import with_cell
 
 pytestmark = pytest.mark.usefixtures("one_step_folds")
 
@@ -215,23 +216,15 @@ def test_written_and_read_again(lab: Arm, tmp_path: Path) -> None:
     ],
 )
 def test_bad_distances_in_one_line(lab: Arm, tmp_path: Path, column: str, value: str | None, words: str) -> None:
-    path = tmp_path / "bad.csv"
-    rows = [line.split(",") for line in measurements_csv(measured(true_model(lab), 12, 1, positions=6)).splitlines()]
-    j = rows[0].index(column)
-    if value is None:
-        rows = [row[:j] + row[j + 1 :] for row in rows]
-    else:
-        rows[2][j] = value
-    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    text = with_cell(measurements_csv(measured(true_model(lab), 12, 1, positions=6)), column, value)
+    (path := tmp_path / "bad.csv").write_text(text)
     with pytest.raises(FileError, match=words):
         load_measurements(path, lab)
 
 
 def test_a_row_without_anything_and_a_point_that_is_none(lab: Arm, tmp_path: Path) -> None:
-    path = tmp_path / "bad.csv"
-    rows = [line.split(",") for line in measurements_csv(measured(true_model(lab), 12, 1)).splitlines()]
-    rows[4][rows[0].index("distance_mm")] = ""
-    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    text = with_cell(measurements_csv(measured(true_model(lab), 12, 1)), "distance_mm", "", line=4)
+    (path := tmp_path / "bad.csv").write_text(text)
     with pytest.raises(FileError, match="no position either"):
         load_measurements(path, lab)
     path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\ndistance_from_mm = [1.0, nan, 2.0]\n')

@@ -34,6 +34,7 @@ from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import encoder_angles, tool_rotation
 from tests.conftest import TABLE_B2
 from tests.support.commands import stdout_of
+from tests.support.table_cells import with_cell
 
 SD, TURN_SD, FEEDBACK_SD = 4e-4, 2e-3, 4e-4
 
@@ -138,14 +139,8 @@ def test_scatter_of_positions_alone(so101: Arm, tmp_path: Path) -> None:
     ],
 )
 def test_bad_columns(so101: Arm, tmp_path: Path, column: str, value: float | str | None, words: str) -> None:
-    path = tmp_path / "bad.csv"
-    rows = [line.split(",") for line in measurements_csv(measured(hidden(so101), 12, 1)).splitlines()]
-    j = rows[0].index(column)
-    if value is None:
-        rows = [row[:j] + row[j + 1 :] for row in rows]
-    else:
-        rows[2][j] = str(value)
-    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    text = with_cell(measurements_csv(measured(hidden(so101), 12, 1)), column, value)
+    (path := tmp_path / "bad.csv").write_text(text)
     with pytest.raises(FileError, match=words):
         load_measurements(path, so101)
 

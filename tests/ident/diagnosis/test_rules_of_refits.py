@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
-from itertools import product
+from inspect import signature
+from itertools import product, repeat
 from pathlib import Path
 from string import ascii_lowercase
 from types import MappingProxyType, SimpleNamespace
@@ -14,6 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import lrm_ident as lrm
+from lrm_ident.cli import diagnosis as command
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis import auto, candidate_trial, confirm, replication
 from lrm_ident.diagnosis.add_effect import add_effects
@@ -21,6 +25,7 @@ from lrm_ident.diagnosis.companion import improves_beside
 from lrm_ident.diagnosis.contradiction import NoCause, can_be_contradicted, levels_of_its_own, why_no_cause
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.step import Step
@@ -165,8 +170,13 @@ def test_doubts_go_on_from_step_to_step_but_not_to_the_last(
     most: int, doubts: list[dict[str, Reason]], monkeypatch: Patch
 ) -> None:
     """What is said of the last step is found beside all effects."""
+    assert auto_run(monkeypatch, "bcd", most)[1] == doubts
+
+
+def auto_run(patch: Patch, names: Iterable[str], *most: int) -> tuple[int, list[Any]]:
+    """How many effects `auto` adds, if a diagnosis confirms these, and the doubts that each diagnosis is told of."""
     known: list[Any] = []
-    names = iter("bcd")
+    names = iter(names)
     rows: Any = SimpleNamespace(pose=np.arange(POSES))
     step = SimpleNamespace(fit=SimpleNamespace(model=None), blocks=())
 
@@ -182,14 +192,21 @@ def test_doubts_go_on_from_step_to_step_but_not_to_the_last(
             refused_as_deployed=DOUBT if len(known) == 1 else {},
         )
 
-    monkeypatch.setattr(auto, "confirm", confirmed_next)
-    monkeypatch.setattr(auto, "diagnose", lambda *_: SimpleNamespace(data=rows))
+    patch.setattr(auto, "confirm", confirmed_next)
+    patch.setattr(auto, "diagnose", lambda *_: SimpleNamespace(data=rows))
     for function in ("_start", "_step", "_evidence"):
-        monkeypatch.setattr(auto, function, lambda *_: step)
-    monkeypatch.setattr(auto, "_with_candidates", lambda run: run)
+        patch.setattr(auto, function, lambda *_: step)
+    patch.setattr(auto, "_with_candidates", lambda run: run)
     nothing: Any = None
-    auto.run_auto(nothing, rows, most)
-    assert known == doubts
+    return len(auto.run_auto(nothing, rows, *most).steps) - 1, known
+
+
+def test_twenty_effects_are_added_at_most_through_every_door(monkeypatch: Patch) -> None:
+    """Unless another number is asked for."""
+    assert auto_run(monkeypatch, repeat("b"))[0] == 20
+    assert auto_run(monkeypatch, repeat("b"), 3)[0] == 3
+    for door in (Study.auto, Study.nested_held_out, lrm.auto, nested_held_out, command.auto):
+        assert signature(door).parameters["max_effects"].default == 20, door
 
 
 def leading(

@@ -304,7 +304,7 @@ CASES: dict[str, Case] = {
 }
 """By threshold: a decision, a figure for which it is no, and one for which it is yes."""
 DEFAULTS_OF_COMMANDS = {"MAX_EFFECTS"}
-"""What a command's `--help` states, and a person may choose otherwise."""
+"""What a command's `--help` states, and a person may choose otherwise; `test_rules_of_refits` holds it."""
 
 
 def held(case: Case) -> bool:

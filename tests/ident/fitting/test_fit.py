@@ -171,12 +171,14 @@ def test_kept_and_held_are_all(lab: Arm) -> None:
     assert sorted([*result.kept, *(held.key for held in result.held)]) == sorted(equilibrium.model.keys)
 
 
+def with_a_compliance_below_zero(lab: Arm) -> tuple[str, Model, Measurements]:
+    """Its key; the arm without that; measurements of the arm with it."""
+    truth, poses, key = random_truth(lab, 5), random_poses(5), "compliance.joint6.k_rad_per_Nm"
+    return key, truth, measured(poses, solve_equilibrium(truth.with_values_of([key], -0.1), poses).tcp)
+
+
 def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
-    truth, poses = random_truth(lab, 5), random_poses(5)
-    key = "compliance.joint6.k_rad_per_Nm"
-    values = truth.values.copy()
-    values[truth.position(key)] = -0.1
-    data = measured(poses, solve_equilibrium(truth.with_values(values), poses).tcp)
+    key, truth, data = with_a_compliance_below_zero(lab)
     start = replace(nominal_model(lab), free=truth.free)
     bounded, unbounded = fit(start, data), fit(start, data, no_bounds(start.free))
     assert bounded.at_bound == (key,)
@@ -187,11 +189,7 @@ def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
 
 
 def test_a_parameter_that_the_last_step_put_on_its_bound_is_there(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    truth, poses = random_truth(lab, 5), random_poses(5)
-    key = "compliance.joint6.k_rad_per_Nm"
-    values = truth.values.copy()
-    values[truth.position(key)] = -0.1
-    data = measured(poses, solve_equilibrium(truth.with_values(values), poses).tcp)
+    key, truth, data = with_a_compliance_below_zero(lab)
     monkeypatch.setattr(iteration, "POSTERIOR_TOLERANCE", 1e9)  # the first step is the last one
     found = fit(truth.with_values_of([key], 0.01), data)
     assert (found.steps, found.model.value(key), found.at_bound) == (1, 0.0, (key,))

@@ -4,6 +4,7 @@ that a change by a quarter would decide it anew."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,8 +15,11 @@ from lrm_ident.fitting import cross_validation, identifiability, model_fit
 from lrm_ident.fitting.cross_validation import Split, held_out_blocks, joint_space_folds
 from lrm_ident.fitting.dependence import explain_dependence
 from lrm_ident.fitting.identifiability import selection_order
+from lrm_ident.fitting.loss import Cauchy, Huber, Loss, robust_scale
 from lrm_ident.fitting.prior_conflict import unusual_dimensions
 from lrm_ident.fitting.priors import weak_prior
+from lrm_ident.fitting.typical_prior import typical_prior
+from lrm_ident.residual.influential_poses import influential_poses
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
@@ -110,6 +114,18 @@ def so_few_that_they_are_listed(share: float, patch: Patch) -> bool:
     return "--leave-out" in fitted(patch, 0.0, outliers=round(share * MANY))[1]
 
 
+def left_out_as_an_outlier(distance: float, _: Patch) -> bool:
+    """By robust standard deviations per axis: a pose that is far from its prediction without it, and near with it."""
+    held_out = np.ones((8, 3)) / np.sqrt(3.0)
+    held_out[0] *= distance * robust_scale(np.ones(8))
+    return influential_poses(np.zeros((8, 3)), held_out) is not None
+
+
+def counts_less(distance: float, _: Patch, loss: Loss) -> bool:
+    """To Huber's loss, less than a near pose; to Cauchy's, less than half as much."""
+    return bool(loss.weight(np.array([distance]))[0] < (1.0 if loss.name == "huber" else 0.5))
+
+
 GATES: dict[Decision, tuple[float, float]] = {
     worth_fitting: (2.8, 3.2),
     turned_before_the_tool_is_moved: (0.045, 0.055),
@@ -120,11 +136,14 @@ GATES: dict[Decision, tuple[float, float]] = {
     repeated_with_model_error: (1.08, 1.12),
     something_fitted: (0.045, 0.055),
     so_few_that_they_are_listed: (0.21, 0.19),
+    left_out_as_an_outlier: (4.8, 5.2),
+    partial(counts_less, loss=Huber()): (2.4, 2.6),
+    partial(counts_less, loss=Cauchy()): (3.4, 3.6),
 }
 """By decision: a figure for which it is no, and one for which it is yes."""
 
 
-@pytest.mark.parametrize(("decision", "figures"), GATES.items(), ids=lambda one: getattr(one, "__name__", ""))
+@pytest.mark.parametrize(("decision", "figures"), GATES.items(), ids=lambda one: getattr(one, "__name__", None))
 def test_a_limit_stands_where_it_is_stated(decision: Decision, figures: tuple[float, float]) -> None:
     for figure, right in zip(figures, (False, True), strict=True):
         with pytest.MonkeyPatch.context() as patch:
@@ -159,3 +178,22 @@ def test_a_vague_prior_is_three_typical_sizes_wide() -> None:
     model = model.with_free(model.keys)
     typical = np.array([parameter.typical for parameter in model.parameters])
     np.testing.assert_allclose(weak_prior(model).sd_of(model.free), 3.0 * typical)
+
+
+def test_an_effect_is_expected_within_three_typical_sizes() -> None:
+    """A Cauchy distribution: heavy tails, hundred times as wide at first; where the base stands is known to 5 cm."""
+    model = model_fit.nominal_model(load_arm("lrm-lab"), ("offsets", "backlash@joint2"))
+    model = model.with_free([key for key in model.keys if model.parameter(key).fixed is None])
+    prior = typical_prior(model)
+    by_key = dict(zip(prior.keys, zip(prior.tail, np.sqrt(np.diag(prior.covariance)), strict=True), strict=True))
+    play = 3.0 * model.parameter("backlash.joint2.b_rad").typical
+    assert by_key["backlash.joint2.b_rad"] == pytest.approx((play, 100.0 * play))
+    assert by_key["offsets.base.x_mm"] == pytest.approx((0.0, 0.05))
+    assert by_key["offsets.base.alpha_rad"] == pytest.approx((0.0, 0.2))
+
+
+def test_the_scale_of_gaussian_distances_is_their_standard_deviation() -> None:
+    """Of three axes, and of one where only a length was read."""
+    noise = np.random.default_rng(0).normal(size=(40_000, 3))
+    assert robust_scale(np.linalg.norm(noise, axis=1)) == pytest.approx(1.0, rel=0.02)
+    assert robust_scale(np.abs(noise[:, 0]), 1.0) == pytest.approx(1.0, rel=0.02)
