@@ -33,6 +33,7 @@ from lrm_math.model.state_after_session import state_after_session
 MAX_STEPS = 60
 MAX_STEPS_WITH_PRIOR = 300  # steps are short along directions that only a prior determines
 IDLE_STEPS = 5  # successive steps that gain next to nothing, after which a fit ends
+MOST_CONTINUED = 3  # searches that go on at the equilibria from the commands
 SAME_EQUILIBRIUM = 1e-6  # m: far above what the iterations leave (1e-9); several equilibria are farther apart
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
@@ -148,9 +149,24 @@ def fit(
 
 
 def _from_command(search: LevenbergMarquardt, followed: Optimum, most_steps: int) -> Optimum:
-    """The better optimum of two searches at the equilibria from the commands: from the start, and from an optimum at
-    others. There the objective has steps, at which a search can end. Raises `LrmError` where neither converges."""
+    """An optimum at equilibria that are found from the commands. Raises `LrmError` where no search for it converges.
+
+    The search goes on from the optimum that `followed` others, now at those from the commands, and follows these. Where
+    it leaves them again, two searches compute them anew in every step, one from the start and one from that optimum:
+    their objective has steps, at which a search can end, so the better of both is taken.
+    """
     before, free = search.objective, search.objective.model.free
+    latest = followed.iterate.equilibrium.model
+    for _ in range(MOST_CONTINUED):
+        values = before.model.with_values_of(free, [latest.value(key) for key in free])
+        try:
+            near = solve_equilibrium(values, before.data.poses)
+            optimum = replace(search, objective=replace(before, model=values), near=near).solve(most_steps)
+        except LrmError:
+            break
+        if _is_found_from_command(optimum.iterate.equilibrium):
+            return optimum
+        latest = optimum.iterate.equilibrium.model
     optima, why = [], LrmError("")
     for model in (followed.iterate.equilibrium.model, before.model):
         values = before.model.with_values_of(free, [model.value(key) for key in free])
