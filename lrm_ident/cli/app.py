@@ -85,6 +85,11 @@ SECTIONS = {
 }  # fmt: skip
 COMMANDS = {command.name: command for section in SECTIONS.values() for command in section}
 WIDEST = max(map(len, COMMANDS))
+OF_THE_DAEMON = frozenset((
+    "deploy", "disarm", "estop", "fk", "goto", "gripper", "hold", "ik", "info", "level1", "logs", "move", "pan-tilt",
+    "plan", "record", "relax", "reload", "reset", "skill", "state",
+))  # fmt: skip
+"""Commands of `lrm`, which drives the arm, without those of the same name here."""
 
 
 class LazyGroup(TyperGroup):
@@ -108,6 +113,12 @@ class LazyGroup(TyperGroup):
                 else get_group(entry.typer_instance)
             )
         return self.commands[cmd_name]
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that a command line begins with, and its arguments; one of `lrm` is told as such."""
+        if args and args[0] in OF_THE_DAEMON:
+            ctx.fail(f"{args[0]} is a command of the daemon's program: lrm {args[0]}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Lists the commands by what they are for."""

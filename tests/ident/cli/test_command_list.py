@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from argparse import _SubParsersAction
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,11 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from lrm_ident.cli.app import COMMANDS, SECTIONS, app, run
+from lrm_ident.cli.app import COMMANDS, OF_THE_DAEMON, SECTIONS, app, run
 from lrm_ident.cli.examples import EXAMPLES
 from lrm_ident.report.glossary import SOURCE, TERMS, term_named
 from lrm_math.effects import CATALOGUE
+from lrmd.cli.app import parser as lrm_parser
 from tests.conftest import ROOT
 from tests.support.commands import stderr_of, stdout_of
 
@@ -56,6 +58,14 @@ def test_a_misspelt_command_is_asked_back() -> None:
     found = CliRunner().invoke(app, ["diagnos"])
     assert found.exit_code == 2
     assert "Did you mean 'diagnose'" in found.stderr
+
+
+def test_commands_of_lrm_are_told_to_be_of_lrm() -> None:
+    answer = CliRunner().invoke(app, ["deploy", "best.toml"])
+    assert answer.exit_code == 2
+    assert "deploy is a command of the daemon's program: lrm deploy" in answer.stderr
+    (commands,) = (action.choices for action in lrm_parser()._actions if isinstance(action, _SubParsersAction))
+    assert {*commands} - {*COMMANDS} == OF_THE_DAEMON
 
 
 def test_a_shell_completes_commands_and_their_options() -> None:
